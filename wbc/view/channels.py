@@ -52,8 +52,7 @@ def configuration(robot: Robot, log: Log) -> FloatArray:
 
 def velocity(robot: Robot, log: Log) -> FloatArray:
     """Return v (N, nv): measured where the log has it, else the difference of the positions."""
-    known = velocities(robot, log, partial=True)
-    return np.zeros((len(log), robot.model.nv)) if known is None else known
+    return velocities(robot, log, partial=True)
 
 
 def rotor_torque(robot: Robot, log: Log) -> FloatArray:

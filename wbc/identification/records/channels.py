@@ -439,8 +439,8 @@ def positions(robot: Robot, log: Log, *, partial: bool = False) -> FloatArray:
     return position
 
 
-def velocities(robot: Robot, log: Log, *, partial: bool = False) -> FloatArray | None:
-    """Return v (N, nv), or None if one was not measured.
+def velocities(robot: Robot, log: Log, *, partial: bool = False) -> FloatArray:
+    """Return v (N, nv), all of it NaN if one was not measured.
 
     Args:
         robot: whose joints.
@@ -453,7 +453,7 @@ def velocities(robot: Robot, log: Log, *, partial: bool = False) -> FloatArray |
         if log.has(f"{name}.velocity"):
             velocity[:, row] = log.column(f"{name}.velocity")
         elif not partial:
-            return None
+            return np.full_like(velocity, np.nan)
         elif log.has(f"{name}.position"):
             velocity[:, row] = np.gradient(log.column(f"{name}.position"), log.time)
     for owner, (_, at) in robot.free_flyers.items():
@@ -461,7 +461,7 @@ def velocities(robot: Robot, log: Log, *, partial: bool = False) -> FloatArray |
         if log.has(*names):
             velocity[:, at : at + 6] = np.stack([log.column(name) for name in names], axis=1)
         elif not partial:
-            return None
+            return np.full_like(velocity, np.nan)
     return velocity
 
 
@@ -488,7 +488,7 @@ class Channels:
         rate: [Hz].
         time: (N,) [s].
         position: (N, nq); of `placeless` joints the integral of the velocity.
-        velocity: (N, nv), or None if some joint has no velocity channel.
+        velocity: (N, nv), all of it NaN if some joint has no velocity channel.
         torque: (N, m) on the rotors [N m].
         feedback: (N, m) [N m], the part of `torque` that position drives make of what they measure;
             None where no torque comes from a target.
@@ -507,7 +507,7 @@ class Channels:
     rate: float
     time: FloatArray
     position: FloatArray
-    velocity: FloatArray | None
+    velocity: FloatArray
     torque: FloatArray
     feedback: FloatArray | None
     reported: BoolArray
@@ -552,7 +552,7 @@ def read_channels(robot: Robot, log: Log, step: float | None = None) -> Channels
         known = log.has(*(f"{joint}.{quantity}" for joint in joints))
         return on_grid(log.stack(quantity, joints)) if known else None
 
-    velocity = velocities(robot, log)
+    velocity = on_grid(velocities(robot, log))
     forces = {name: on_grid(force) for name, force in contact_forces(robot, log).items()}
     position = on_grid(positions(robot, log))
     active = active_contacts(robot, log, grid, position)
@@ -562,7 +562,7 @@ def read_channels(robot: Robot, log: Log, step: float | None = None) -> Channels
         rate=1.0 / step,
         time=grid,
         position=position,
-        velocity=None if velocity is None else on_grid(velocity),
+        velocity=velocity,
         torque=on_grid(torque),
         feedback=None if feedback is None else on_grid(feedback),
         reported=reported,
@@ -573,7 +573,7 @@ def read_channels(robot: Robot, log: Log, step: float | None = None) -> Channels
         temperature=optional("temperature"),
         supply_voltage=optional("voltage"),
         inertia=None if log.machine is None else log.machine.inertia,
-        placeless=() if velocity is None else without_position(robot, log),
+        placeless=() if np.isnan(velocity).any() else without_position(robot, log),
     )
 
 

@@ -364,10 +364,9 @@ def without_noise(record: Record, load: FloatArray, joint: str, frequency: float
         joint: in front of the link.
         frequency: at which the link swings [rad/s].
     """
-    row = record.robot.velocity_index(joint)
-    cutoff = float(record.load_band[np.flatnonzero(record.robot.actuated == row)[0]])
+    cutoff = float(record.load_band[record.robot.transmission.index(joint)])
     if frequency <= 2.0 * np.pi * cutoff:
         return load
-    result = load.copy()
+    result, row = load.copy(), record.robot.velocity_index(joint)
     result[:, row] = low_pass(load[:, row], cutoff, record.rate, _STEEP)
     return result

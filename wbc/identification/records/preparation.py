@@ -84,14 +84,13 @@ def _noise(robot: Robot, channels: Channels) -> NoiseDensity:
         positions[:, robot.velocity_index(name)] = channels.position[:, robot.position_index(name)]
     if robot.has_free_flyer:
         positions[:, :6] = _shaken_pose(robot, channels)
-    velocities = np.full_like(positions, np.nan) if channels.velocity is None else channels.velocity
-    positions[:, _integrated(positions, velocities, channels.rate)] = np.nan
     rate, torque = channels.rate, _motor_torque(robot, channels)
+    positions[:, _integrated(positions, channels.velocity, rate)] = np.nan
     passed, density = low_passed(torque, rate)
     return NoiseDensity(
         # NaN, where no position was measured, stays NaN.
         position=np.maximum(white_level(positions, rate), quantisation_level(positions, rate)),
-        velocity=white_level(velocities, rate),
+        velocity=white_level(channels.velocity, rate),
         torque=np.maximum(white_level(torque, rate), density),
         forces={name: white_level(force, rate) for name, force in channels.forces.items()},
         sensed=np.maximum(white_level(channels.sensed, rate), low_passed(channels.sensed, rate)[1]),
@@ -121,33 +120,19 @@ def _record(
     rate, cutoff = channels.rate, band.kinematics
     motion = _smooth_motion(robot, channels, noise, band)
     noise = _while_turning_one_way(robot, channels, noise, motion)
-    torque = low_pass(channels.torque, cutoff, rate)
     every = max(1, int(rate / (_OVERSAMPLING * cutoff)))
     thin = slice(None, None, every)
-    forces = {name: low_pass(f, cutoff, rate)[thin] for name, f in channels.forces.items()}
-    feedback = None if channels.feedback is None else low_pass(channels.feedback, cutoff, rate)
-
-    def thinned_out(values: FloatArray | None) -> FloatArray | None:
-        return None if values is None else frozen(values[thin])
-
-    thinned = Motion(
-        position=frozen(motion.position[thin]),
-        velocity=frozen(motion.velocity[thin]),
-        acceleration=thinned_out(motion.acceleration),
-        time=frozen(channels.time[thin] - channels.time[0]),
-        temperature=thinned_out(channels.temperature),
-        supply_voltage=thinned_out(channels.supply_voltage),
-        feedback_torque=thinned_out(feedback),
-    )
+    known = {name: own for name, own in vars(motion).items() if own is not None}
+    thinned = motion.replace(**{name: frozen(own[thin]) for name, own in known.items()})
     return Record(
         name=channels.name,
         robot=robot,
         motion=thinned,
-        torque=frozen(torque[thin]),
+        torque=frozen(low_pass(channels.torque, cutoff, rate)[thin]),
         reported=frozen(channels.reported, np.bool_),
         currents=frozen(channels.currents, np.bool_),
         sensed=frozen(low_pass(channels.sensed, cutoff, rate)[thin]),
-        forces=forces,
+        forces={name: low_pass(f, cutoff, rate)[thin] for name, f in channels.forces.items()},
         active={name: touches[thin] for name, touches in channels.active.items()},
         weight=frozen(
             _weight(robot, thinned, noise, band, reversal)
@@ -188,12 +173,19 @@ def _smooth_motion(
     """Return smoothed q, v, a; each joint from the sensor that gives the quieter acceleration."""
     rate, cutoff = channels.rate, band.kinematics
     position = smoothed(robot, channels.position, cutoff, rate)
-    velocity = differentiate(position, rate, robot.model)
-    if channels.velocity is not None:
-        measured = low_pass(channels.velocity, cutoff, rate)
-        velocity = np.where(noise.measures_speed(band), measured, velocity)
-    acceleration = derivative(velocity, rate)
-    return Motion(position, _at_rest(robot, velocity, noise, band), acceleration)
+    measured = low_pass(channels.velocity, cutoff, rate)
+    derived = differentiate(position, rate, robot.model)
+    velocity = np.where(noise.measures_speed(band), measured, derived)
+    feedback = None if channels.feedback is None else low_pass(channels.feedback, cutoff, rate)
+    return Motion(
+        position,
+        _at_rest(robot, velocity, noise, band),
+        acceleration=derivative(velocity, rate),
+        time=channels.time - channels.time[0],
+        temperature=channels.temperature,
+        supply_voltage=channels.supply_voltage,
+        feedback_torque=feedback,
+    )
 
 
 def _while_turning_one_way(

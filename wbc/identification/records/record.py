@@ -128,12 +128,7 @@ class Record:
         init=False, default_factory=dict
     )
     _regressors: dict[tuple[int, bytes], FloatArray] = field(init=False, default_factory=dict)
-    _latest: list[tuple[FloatArray, FloatArray]] = field(init=False, default_factory=list)
-
-    @property
-    def duration(self) -> float:
-        """Length of the log [s]."""
-        return len(self.torque) / self.rate
+    _latest: dict[bytes, FloatArray] = field(init=False, default_factory=dict)
 
     @cached_property
     def stride(self) -> int:
@@ -177,9 +172,8 @@ class Record:
     def followed(self) -> BoolArray:
         """(m,) whether the torque of a drive is made of a target."""
         feedback = self.motion.feedback_torque
-        if feedback is None:
-            return np.zeros(self.torque.shape[1], dtype=bool)
-        return np.asarray(feedback.any(axis=0))
+        made = np.zeros_like(self.torque) if feedback is None else feedback
+        return np.asarray(made.any(axis=0))
 
     def narrowed(self, factor: float) -> Record:
         """Return the same record with the residual's band narrowed by `factor`."""
@@ -275,18 +269,16 @@ class Record:
         if robot.model is self.robot.model:
             return self.links
         numbers, own = (
-            np.concatenate([one.model.gravity.linear, inertial_parameters(one)])
+            np.concatenate([one.model.gravity.linear, inertial_parameters(one)]).tobytes()
             for one in (robot, self.robot)
         )
-        if np.array_equal(numbers, own):
+        if numbers == own:
             return self.links
         # Most causes leave the links as they are: of one screen 254 of 315 calls ask once more.
-        for known, links in self._latest:
-            if np.array_equal(numbers, known):
-                return links
-        links = self.believing(robot).links
-        self._latest[:] = [(numbers, links)]
-        return links
+        if numbers not in self._latest:
+            self._latest.clear()
+            self._latest[numbers] = self.believing(robot).links
+        return self._latest[numbers]
 
     def condensed_regressor(self, output: int, direction: FloatArray) -> FloatArray:
         """Return (rows, 10 n_links) the condensed columns of the links' parameters at one output.
@@ -324,7 +316,7 @@ class Record:
                 damping=damping,
                 stiffness=stiffness,
                 unexplained=np.zeros(len(self.links)),
-                band=partial(self.condensed_at, output=int(np.flatnonzero(own.actuated == row)[0])),
+                band=partial(self.condensed_at, output=own.transmission.index(joint)),
                 rows=np.arange(self.edge, len(self.links) - self.edge, self.stride),
             )
         response = self._responses[joint]
@@ -407,7 +399,7 @@ def time_blocks(records: Sequence[Record]) -> IntArray:
     blocks, first = [], 0
     for record in records:
         duration = max(_BLOCK_DURATION, 4.0 / record.bandwidth.residual)
-        count = max(2, int(record.duration / duration))
+        count = max(2, int(len(record.torque) / record.rate / duration))
         blocks.append(first + np.arange(record.rows) * count // max(record.rows, 1))
         first += count
     return np.concatenate(blocks)
