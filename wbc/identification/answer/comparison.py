@@ -105,19 +105,14 @@ class Comparison:
     def error_rows(self) -> TextTable:
         """Return the residual of every output against its floor."""
         reported = efforts(o.unit for o in self.outputs)
+        cells = []
+        for o in self.outputs:
+            rms, floor, ratio = (plain(x, 2) for x in (o.rms, o.floor, o.ratio))
+            size = "" if np.isnan(o.size) else plain(o.size)
+            cells.append((o.output, o.unit, rms, size, floor, ratio))
         return TextTable.of(
             "output|unit|>residual|>measured|>floor|>x floor",
-            (
-                (
-                    o.output,
-                    o.unit,
-                    plain(o.rms, 2),
-                    "" if np.isnan(o.size) else plain(o.size),
-                    plain(o.floor, 2),
-                    plain(o.ratio, 2),
-                )
-                for o in self.outputs
-            ),
+            cells,
             "error",
             f"rms {reported} over all logs; residual: measured - model; floor: noise",
         )
@@ -274,6 +269,41 @@ def rank_robots(robots: Mapping[str, Robot], logs: Sequence[Log]) -> tuple[Conte
         IdentificationError: no robot, or robots with different joints.
         LogError: a channel is missing.
     """
+    problem = EstimationProblem.from_logs(_reference(robots), logs)
+    squares = {name: _squares(problem, robot) for name, robot in robots.items()}
+    order = sorted(squares, key=lambda name: float(squares[name].mean()))
+    best, ranked = squares[order[0]], []
+    for rank, name in enumerate(order, start=1):
+        own, effects = squares[name], robots[name].effects
+        blocks = problem.block_means((own - best).mean(axis=1))
+        deviation = float(np.std(blocks, ddof=1) / np.sqrt(blocks.size))
+        difference = float(own.mean() - best.mean())
+        clear = difference > _STANDARD_ERRORS * deviation
+        contestant = Contestant(
+            name=name,
+            rank=rank,
+            error=float(np.sqrt(own.mean())),
+            difference=difference,
+            deviation=deviation,
+            parameters=sum(effect.search.freedom(effect) for effect in effects),
+            standing="best" if rank == 1 else "worse" if clear else "not distinguishable",
+            warnings=tuple(
+                f"{p.name} of {effect.name} at {effect.where} is at its bound"
+                for effect in effects
+                for p in effect.parameters
+                if effect.values[p.name] in (p.low, p.high) and effect.values[p.name] != p.null
+            ),
+        )
+        ranked.append(contestant)
+    return tuple(ranked)
+
+
+def _reference(robots: Mapping[str, Robot]) -> Robot:
+    """Return the first robot, with the times of drives that the first of all states.
+
+    Raises:
+        IdentificationError: no robot, or robots with different joints.
+    """
     if not robots:
         raise IdentificationError("no robot was given to rank.")
     first, reference = next(iter(robots.items()))
@@ -287,47 +317,9 @@ def rank_robots(robots: Mapping[str, Robot], logs: Sequence[Log]) -> tuple[Conte
     if known := [gears for gears in drives if np.isfinite(gears.target_delay).any()]:
         times = {name: getattr(known[0], name) for name in DRIVE_TIMES}
         reference = reference.with_drive_times(times)
-    problem = EstimationProblem.from_logs(reference, logs)
-    squares = {name: _squares(problem, robot) for name, robot in robots.items()}
-    order = sorted(squares, key=lambda name: float(squares[name].mean()))
-    return tuple(
-        _beside(problem, name, robots[name], rank, squares, order[0])
-        for rank, name in enumerate(order, start=1)
-    )
+    return reference
 
 
 def _squares(problem: EstimationProblem, robot: Robot) -> FloatArray:
     records = [record.believing(robot) for record in problem.records]
     return np.asarray((condensed_residual(robot, records) @ problem.whitening) ** 2)
-
-
-def _beside(
-    problem: EstimationProblem,
-    name: str,
-    robot: Robot,
-    rank: int,
-    squares: Mapping[str, FloatArray],
-    best: str,
-) -> Contestant:
-    own, beside = squares[name], squares[best]
-    blocks = problem.block_means((own - beside).mean(axis=1))
-    deviation = float(np.std(blocks, ddof=1) / np.sqrt(blocks.size))
-    difference = float(own.mean() - beside.mean())
-    clear = difference > _STANDARD_ERRORS * deviation
-    standing = "best" if name == best else "worse" if clear else "not distinguishable"
-    at_bound = tuple(
-        f"{p.name} of {effect.name} at {effect.where} is at its bound"
-        for effect in robot.effects
-        for p in effect.parameters
-        if effect.values[p.name] in (p.low, p.high) and effect.values[p.name] != p.null
-    )
-    return Contestant(
-        name=name,
-        rank=rank,
-        error=float(np.sqrt(own.mean())),
-        difference=difference,
-        deviation=deviation,
-        parameters=sum(effect.search.freedom(effect) for effect in robot.effects),
-        standing=standing,
-        warnings=at_bound,
-    )

@@ -139,16 +139,12 @@ def diagnose(
             warnings.insert(0, look_up)
         else:
             asked = f"{look_up} {asked}"
+    before, after = np.sqrt([first.error, final.error]).tolist()
     return Diagnosis(
         verdict=verdict,
         findings=findings,
         next_experiment=asked,
-        error=ErrorLevel(
-            before=float(np.sqrt(first.error)),
-            after=float(np.sqrt(final.error)),
-            floor=1.0,
-            floor_source=problem.floor.source,
-        ),
+        error=ErrorLevel(before, after, 1.0, problem.floor.source),
         outputs=_outputs(problem, fit, answer.level),
         explained=explained_share(first, final),
         steps=_steps(trials, final),

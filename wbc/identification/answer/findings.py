@@ -26,7 +26,7 @@ from wbc.identification.model.fit import Fit, beside_others, change_along, scale
 from wbc.identification.model.intervals import TAIL, block_deviations, interval_bounds
 from wbc.identification.model.yielding import rubbing_effects
 from wbc.identification.records.record import Record, rows_per_sample
-from wbc.robot import Effect, Parameter, Quantity
+from wbc.robot import Effect, Quantity
 from wbc.robot.coordinates import unit_at
 
 _CORRELATED = 0.95
@@ -116,13 +116,15 @@ def estimates_of(
     bounds = interval_bounds(fit, problem.blocks, moved)
     for (k, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
         effect = fit.effects[k]
-        given = effect.null_values(problem.robot, effect.where)
+        null = effect.null_values(problem.robot, effect.where)
+        given = null.get(parameter.name, parameter.null)
+        nothing = parameter.shape or given == parameter.null
         found[k][parameter.name] = Estimate(
             effect.values[parameter.name],
             unit_at(problem.robot, effect.where, parameter.unit),
             float(low),
             float(high),
-            _of_the_robot(parameter, given),
+            None if nothing else given,
         )
     return found
 
@@ -145,12 +147,6 @@ def _vague(effect: Effect, estimates: Mapping[str, Estimate]) -> list[str]:
             span = f"{e.low:.3g} to {with_unit(e.high, e.unit)}"
             texts.append(f"{p.name} is hardly identifiable here: {span}")
     return texts
-
-
-def _of_the_robot(parameter: Parameter, given: Mapping[str, float]) -> float | None:
-    """Return what the robot has in a parameter's place; None where it has nothing of the kind."""
-    value = given.get(parameter.name, parameter.null)
-    return None if parameter.shape or value == parameter.null else value
 
 
 def _motor_side(effect: Effect, problem: EstimationProblem, fit: Fit) -> list[str]:
@@ -307,12 +303,11 @@ def disagreements(records: Sequence[Record], fit: Fit) -> list[list[str]]:
         if parameter.shape or np.ptp(own) < max(doubt, _STRAY_SHARE * abs(value)):
             continue
         low, high = int(np.argmin(own)), int(np.argmax(own))
-        text = (
-            f"the logs disagree on {parameter.name}: {records[low].name} alone says "
-            f"{own[low]:.3g}, {records[high].name} {own[high]:.3g}"
-        )
         unit = unit_at(fit.robot, fit.effects[k].where, parameter.unit)
-        found[k].append(text if unit == "1" else f"{text} {unit}")
+        found[k].append(
+            f"the logs disagree on {parameter.name}: {records[low].name} alone says "
+            f"{own[low]:.3g}, {records[high].name} {with_unit(own[high], unit, 3)}"
+        )
     return found
 
 

@@ -209,7 +209,7 @@ def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
     """
     records = problem.records
     parts = [condensed_residual(fit.robot, [record]) for record in records]
-    given = [condensed_residual(problem.robot, [record]) for record in records]
+    given = np.split(problem.residual, np.cumsum([record.rows for record in records])[:-1])
     found = breakdowns(records, parts)
     result = []
     units = output_units(records[0].robot)
@@ -286,21 +286,15 @@ def _elsewhere(
     records: Sequence[Record], values: Sequence[FloatArray], column: int, own: Sequence[Breakdown]
 ) -> Breakdown | None:
     """Return the motion of another joint that what is left follows more than its own, if any."""
-    robot = records[0].robot
-    names = output_names(records[0].robot)
-    residual = np.concatenate(list(values))
-    best: Breakdown | None = None
-    for other in range(robot.transmission.size):
-        if other == output_gear(robot, column):
-            continue
-        row = int(robot.actuated[other])
+    robot, residual = records[0].robot, np.concatenate(values)
+    output, each = output_names(robot)[column], []
+    for other, row in enumerate(robot.actuated.tolist()):
         speed = np.concatenate([r.thinned(r.motion.velocity[:, row]) for r in records])
-        if np.ptp(speed) > 0.0:
-            name = f"speed of {names[other]}"
-            one = binned(names[column], name, "rad/s", speed, residual)
-            best = one if best is None or one.share > best.share else best
+        if other != output_gear(robot, column) and np.ptp(speed) > 0.0:
+            name = f"speed of {robot.transmission.joints[other]}"
+            each.append(binned(output, name, "rad/s", speed, residual))
     least = max([_DEPENDS, *(b.share for b in own)])
-    return best if best is not None and best.share > least else None
+    return max((b for b in each if b.share > least), key=lambda b: b.share, default=None)
 
 
 def _growth(values: list[FloatArray]) -> float:
@@ -437,8 +431,7 @@ def _features(record: Record, output: int) -> FloatArray:
     columns += [_scaled(x[:, k]) for k in others for x in (velocity, a)]
     columns += [np.tanh(_scaled(velocity[:, k]) / _SLOW[1]) for k in others]
     columns += [_scaled(record.motion.position[:, k]) for k in robot.actuated_position]
-    weight = record.scale[:, output][:, None]
-    return record.condense_driven(np.stack(columns, axis=1) * weight)
+    return record.condensed_at(np.stack(columns, axis=1), output)
 
 
 def _over_travel(
