@@ -111,7 +111,7 @@ def test_a_ratio_is_guessed_where_a_log_holds_both_sides_of_a_gear(
     noise = 0.02 * np.random.default_rng(0).standard_normal(len(rate))
     both = {"swing_vel": rate + noise, "motor_swing_vel": -50.0 * rate + noise}
     run = bench_log(tmp_path / "run.parquet", **both)
-    ratio = guess_ratios(run, [joint])[joint].value
+    ratio, _ = guess_ratios(run, [joint])[joint]
     assert ratio == pytest.approx(50.0, rel=2e-3)
     assert "gear_ratio" in told("init", model, run, "--out", tmp_path)
     text = (tmp_path / "robot.toml").read_text()

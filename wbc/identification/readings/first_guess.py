@@ -5,10 +5,9 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from wbc.errors import RobotError
 from wbc.files import write_text
@@ -45,17 +44,8 @@ _KP, _KD = 20.0, 0.5  # gains of a small position drive: a start that has to be 
 _GUESS = "guess: not in the model file; look it up"
 
 
-@dataclass(frozen=True)
-class RatioGuess:
-    """A gear ratio from the rows of a log.
-
-    Attributes:
-        value: turns of the motor per turn of the joint, without sign.
-        source: the columns that tell it.
-    """
-
-    value: float
-    source: str
+Ratio: TypeAlias = tuple[float, str]
+"""Turns of the motor per turn of the joint, without sign, and the columns that tell it."""
 
 
 class RowGuess(NamedTuple):
@@ -150,7 +140,7 @@ def write_robot(
     driven: Sequence[str],
     targets: Sequence[str] = (),
     held: Sequence[str] = (),
-    ratios: Mapping[str, RatioGuess] = MappingProxyType({}),
+    ratios: Mapping[str, Ratio] = MappingProxyType({}),
     *,
     shared: bool = False,
 ) -> Path:
@@ -180,11 +170,11 @@ def write_robot(
     own = [joint for joint in driven if joint in stated] if shared else driven
     for joint in ("*", *own) if shared else own:
         ratio, inertia = stated.get(joint, (None, None))
-        told = ratios.get(joint, RatioGuess(1.0, "torque is then taken behind the gear"))
+        told, why = ratios.get(joint, (1.0, "torque is then taken behind the gear"))
         lines += [
             "",
             f'[gears."{joint}"]',
-            _number("gear_ratio", ratio, told.value, "1", told.source),
+            _number("gear_ratio", ratio, told, "1", why),
             _number("rotor_inertia", inertia, 0.0, "kg m^2", "the diagnosis can find it"),
         ]
         if joint in targets:
@@ -223,7 +213,7 @@ def _stated(path: Path) -> Mapping[str, tuple[float, float | None]]:
 
 def guess_ratios(
     path: str | Path, joints: Sequence[str], start: Mapping[str, Any] | None = None
-) -> Mapping[str, RatioGuess]:
+) -> Mapping[str, Ratio]:
     """Return the gear ratios of those joints whose motion a log holds on both sides of the gear.
 
     Names say which column is the motor's (`knee_motor_vel` beside `knee_vel`). Nothing is said
@@ -238,16 +228,12 @@ def guess_ratios(
     guesses = [g for g in guess_names_of(table.names) if g.quantity in MOTION]
     own = {(g.owner, g.quantity): g for g in guesses if not g.rotor}
     named = joints_of(list(dict.fromkeys(owner for owner, _ in own)), joints)
-    found: dict[str, RatioGuess] = {}
-    for quantity in reversed(MOTION):
-        for rotor in guesses:
-            joint = own.get((rotor.owner, quantity))
-            name, _ = named.get(rotor.owner, ("", ""))
-            if not rotor.rotor or rotor.quantity != quantity or joint is None or not name:
-                continue
-            if (value := _ratio(table, rotor, joint)) and name not in found:
-                source = f"from the rows: '{rotor.name}' over '{joint.name}' in the log"
-                found[name] = RatioGuess(value, source)
+    found: dict[str, Ratio] = {}
+    motors = sorted((g for g in guesses if g.rotor), key=lambda g: g.quantity, reverse=True)
+    for rotor in motors:  # by velocities first
+        joint, (name, _) = own.get((rotor.owner, rotor.quantity)), named.get(rotor.owner, ("", ""))
+        if joint and name and name not in found and (value := _ratio(table, rotor, joint)):
+            found[name] = value, f"from the rows: '{rotor.name}' over '{joint.name}' in the log"
     return found
 
 
