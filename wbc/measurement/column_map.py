@@ -430,10 +430,7 @@ def merged(first: Mend, second: Mend) -> dict[str, Any]:
         first: a parsed column map, or an empty table.
         second: a mend of the log that `first` gives.
     """
-    result = {
-        section: dict(content) if isinstance(content, Mapping) else content
-        for section, content in first.items()
-    }
+    result = dict(first)
     for section, content in second.items():
         if section == "columns":
             result["columns"] = _columns(column_entries(first), column_entries(second))

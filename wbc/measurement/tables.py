@@ -345,11 +345,9 @@ def _text(path: Path) -> tuple[str, list[str], int]:
 
 
 def _split(line: str, mark: str) -> list[str]:
-    cells = (
-        line.split()
-        if mark == " "
-        else next(reader([line], delimiter=mark, skipinitialspace=True), [])
-    )
+    if mark == " ":
+        return line.split()
+    cells = next(reader([line], delimiter=mark, skipinitialspace=True), [])
     return [cell.strip() for cell in cells]
 
 
