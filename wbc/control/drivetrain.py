@@ -162,11 +162,8 @@ class GearModel:
         memory.forward[:], memory.backward[:] = 1.0 / forward, backward
         low = np.minimum(memory.forward, memory.backward)
         high = np.maximum(memory.forward, memory.backward)
-        preferred = {
-            RestPolicy.NEUTRAL: np.ones(self.size),
-            RestPolicy.LEAST_TORQUE: np.zeros(self.size),
-            RestPolicy.MOST_MARGIN: 0.5 * (low + high),
-        }[policy]
+        ends = {RestPolicy.NEUTRAL: 1.0, RestPolicy.LEAST_TORQUE: 0.0}
+        preferred = ends.get(policy, 0.5 * (low + high))  # else MOST_MARGIN
         free = self._settings.rest_margin * (high - low)
         memory.rest[:] = np.clip(preferred, low + free, high - free)
 

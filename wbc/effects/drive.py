@@ -118,11 +118,8 @@ def _screens(
         *np.quantile(seen, (0.5, 0.7, 0.8, 0.87, 0.93, 0.97, 0.99, 0.997)),
         *np.quantile(used, (0.3, 0.5, 0.7, 0.85, 0.95)),
     ]
-    return tuple(
-        Screen.fixed({"limit": float(limit)})
-        for limit in np.unique(limits)
-        if 1e-3 < limit < seen.max()
-    )
+    tried = [limit for limit in np.unique(limits).tolist() if 1e-3 < limit < seen.max()]
+    return tuple(Screen.fixed({"limit": limit}) for limit in tried)
 
 
 @final
@@ -278,10 +275,8 @@ class SupplySag(Effect):
         gears = robot.transmission
         spin = motion.velocity[..., robot.actuated] @ gears.motor_from_joint.T * gears.gear_ratio
         ohmic = np.nan_to_num(gears.copper_loss)
-        return (
-            np.sum(torque * spin, axis=-1, keepdims=True),
-            np.sum(ohmic * torque**2, axis=-1, keepdims=True),
-        )
+        shaft = np.sum(torque * spin, axis=-1, keepdims=True)
+        return shaft, np.sum(ohmic * torque**2, axis=-1, keepdims=True)
 
 
 # A drive that sets the duty of a winding follows its supply fully, one that regulates the current

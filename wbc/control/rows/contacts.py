@@ -90,11 +90,6 @@ class BoundContact:
         """The contact's name."""
         return self.contact.name
 
-    @property
-    def rows(self) -> int:
-        """How many rows its Jacobian, and components its force have."""
-        return len(self.axes)
-
 
 def friction_rows(friction: float, axes: int) -> FloatArray:
     """Return rows with rows @ f <= 0: friction along all of some axes but the last, the normal.
@@ -332,7 +327,7 @@ class ContactSet:
             rank: how many of the rows are independent; all when left out.
         """
         self.contacts = contacts
-        ends = np.cumsum([0, *[contact.rows for contact in contacts]]).tolist()
+        ends = np.cumsum([0, *[len(contact.axes) for contact in contacts]]).tolist()
         self.slices = [slice(start, end) for start, end in pairwise(ends)]
         self.rows = k = ends[-1]
         self.rank = k if rank is None else rank
