@@ -114,7 +114,7 @@ class Bristles(JointEffect, ABC):
 
     def _along(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return z along a log, (N,) or (N, k), from z = 0 at its start."""
-        from wbc.effects.bristle_series import bent_along  # it loads the compiler
+        from wbc.mechanics.series import bent_along  # it loads the compiler
 
         return bent_along(self._place(robot, motion), self.length)
 

@@ -392,7 +392,7 @@ def _columns(record: Record) -> FloatArray:
     Friction that builds up after a reversal is late by itself: on a generated arm it stood for a
     delay of 54 ms that all torques share, and six delays stood for what that took out.
     """
-    from wbc.effects.bristle_series import memories  # it loads the compiler
+    from wbc.mechanics.series import memories  # it loads the compiler
 
     robot, motion = record.robot, record.motion
     gears = robot.transmission

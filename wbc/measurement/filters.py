@@ -46,7 +46,7 @@ def low_pass(values: FloatArray, cutoff: float, rate: float, order: int = 2) -> 
     padding = min(len(values) - 1, int(3.0 * rate / cutoff))
     before = 2.0 * values[0] - values[padding:0:-1]
     after = 2.0 * values[-1] - values[-2 : -padding - 2 : -1]
-    from wbc.mechanics.filter_loop import filter_both_ways  # loads the compiler
+    from wbc.mechanics.series import filter_both_ways  # loads the compiler
 
     longer = np.concatenate([before, values, after]).reshape(-1, values[0].size)
     filter_both_ways(*_sections(cutoff / (0.5 * rate), order), longer)

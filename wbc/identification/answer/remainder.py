@@ -438,7 +438,7 @@ def _over_travel(
     position: FloatArray, speed: FloatArray, ways: Sequence[FloatArray], ratio: float
 ) -> list[FloatArray]:
     """Return waves over the travel and the rotor's turn, and memories of the direction."""
-    from wbc.effects.bristle_series import memories  # it loads the compiler
+    from wbc.mechanics.series import memories  # it loads the compiler
 
     travel = float(np.ptp(position)) or 1.0  # a joint may stand still in one log of several
     share = (position - position.min()) / travel
