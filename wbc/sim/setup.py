@@ -23,7 +23,6 @@ from wbc.sim.ground import Terrain
 from wbc.sim.step import tables
 from wbc.sim.step.books import survey
 from wbc.sim.step.contacts import gaps_of
-from wbc.sim.step.gears import Drivetrain
 from wbc.sim.step.motion import free_bases
 from wbc.sim.step.tables import EffectMemory, SimState
 from wbc.structures import stored
@@ -34,6 +33,61 @@ _STAGES = 4  # most steps have less
 
 EffectActs: TypeAlias = tuple[EffectMemory, tuple[Motion, ...]]
 """Of effects that act by hooks: their memory at the end of a part, and the motion that each saw."""
+
+
+class Drivetrain:
+    """Gears of a robot as rows; all quantities at the motor outputs psi.
+
+    Attributes:
+        robot, gears: whose they are, and their numbers.
+        rows: D^-1 on the driven columns (m, nv), psi_dot = rows @ v.
+        forward, backward: eta_f, eta_b (m,).
+        loose: (m,) whether the motor's output may leave the joint (stiffness or play).
+        any_loose: whether any of them may.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Collect the gears of `robot`."""
+        self.robot, self.gears = robot, robot.transmission
+        gears = self.gears
+        self.rows = np.array(robot.motor_rows)
+        # What these lose is up to their effects, which carry a state.
+        kept = np.ones(gears.size, dtype=bool)
+        kept[[gears.index(e.where) for e in robot.effects if "meshed" in e.acts_by]] = False
+        self.forward = np.where(kept, gears.forward_efficiency, 1.0)
+        self.backward = np.where(kept, gears.backward_efficiency, 1.0)
+        self.loose = np.isfinite(gears.stiffness) | (gears.backlash > 0.0)
+        self.any_loose = bool(self.loose.any())
+
+    def tables(self) -> tables.Gears:
+        """Return the gears as tables for compiled loops."""
+        gears, (m, nv), ratio = self.gears, self.rows.shape, self.gears.gear_ratio
+        viscous = ratio**2 * gears.rotor_viscous_friction
+        coulomb = np.abs(ratio) * gears.rotor_coulomb_friction
+        numbers = ratio, gears.reflected_inertia, viscous, coulomb, 1.0 / self.forward
+        flanks = gears.stiffness, gears.damping, gears.backlash
+        arrays = map(np.array, (*numbers, self.backward, *flanks, self.rows))
+        direct = not self.any_loose and np.array_equal(gears.topology, np.eye(m))
+        row = np.where(direct & (self.backward >= 0.0), self.robot.actuated, -1)
+        coupled = m if self.robot.rotors_turn_with_links else 0
+        room = np.zeros((coupled, nv)), np.zeros((1, nv + m))
+        return tables.Gears._make((*arrays, row, self.loose, *room, self.any_loose))
+
+    def motion(self, state: SimState) -> tuple[FloatArray, FloatArray]:
+        """Return deflections (m,) [rad] and speeds (m,) [rad/s] of the motor outputs."""
+        joint = self.rows @ state.velocity
+        if not self.any_loose:
+            return np.zeros(len(joint)), joint
+        given = state.motor_velocity if len(state.motor_velocity) else joint
+        deflection = state.deflection if len(state.deflection) else np.zeros(len(joint))
+        return deflection, np.where(self.loose, given, joint)
+
+    def rotors(self, state: SimState) -> tuple[FloatArray, FloatArray]:
+        """Return angles (m,) [rad], speeds (m,) [rad/s] of the rotors, zero where joints are."""
+        deflection, speed = self.motion(state)
+        joint = self.gears.motor_from_joint @ state.position[self.robot.actuated_position]
+        ratio = self.gears.gear_ratio
+        return ratio * (joint + deflection), ratio * speed
 
 
 class Setup:

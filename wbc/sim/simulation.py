@@ -17,7 +17,7 @@ from wbc.robot import Robot
 from wbc.robot.model_file import driven_joints
 from wbc.sim.plant import Plant
 from wbc.sim.result import StepEvent, StepResult
-from wbc.sim.step.gears import Drivetrain
+from wbc.sim.setup import Drivetrain
 from wbc.sim.step.stages import EnergyAudit, EnergyFlow, Impact
 from wbc.sim.step.tables import SimState
 

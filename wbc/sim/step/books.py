@@ -18,9 +18,8 @@ from wbc.mechanics.inertia import momentum_of, motion_at
 from wbc.mechanics.linear import dot
 from wbc.mechanics.rows import TOLERANCE
 from wbc.sim.step.contacts import put, solid_gap, touch_ground
-from wbc.sim.step.gears import motor_speeds, rotor_energy
 from wbc.sim.step.motion import look, set_momentum
-from wbc.sim.step.part_rows import PartRows
+from wbc.sim.step.part_rows import PartRows, motor_speeds, rotor_energy
 from wbc.sim.step.solution import stored_at
 from wbc.sim.step.tables import HERTZ, Gears, Opened
 

@@ -13,9 +13,15 @@ from wbc.compiled import Flags, Row, ask, compiled, inner
 from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
 from wbc.sim.step.contacts import gaps_of
-from wbc.sim.step.gears import motor_speeds, rotor_brings, rotor_energy
 from wbc.sim.step.motion import weigh
-from wbc.sim.step.part_rows import PartRows, rows_where, world_pushes
+from wbc.sim.step.part_rows import (
+    PartRows,
+    motor_speeds,
+    rotor_brings,
+    rotor_energy,
+    rows_where,
+    world_pushes,
+)
 from wbc.sim.step.solution import NO_INERTIA, WAY, solve_part
 from wbc.sim.step.tables import RESTITUTION, TOUCH, Gears, Opened
 

@@ -14,14 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, compiled, inner
-from wbc.effects.tables import fill_delivered, fill_joint_torques
+from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, Row, compiled, inner
+from wbc.effects.tables import fill_delivered, fill_joint_torques, near_rest
 from wbc.mechanics.inertia import move_bodies, part_on_joints
 from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, solve_inertia
 from wbc.mechanics.rows import RowSystem, system_of
 from wbc.sim.step.contacts import barrier_rows, gaps_at, lowest_speeds
-from wbc.sim.step.gears import gear_laws, motor_speeds
-from wbc.sim.step.tables import HERTZ, Opened
+from wbc.sim.step.tables import HERTZ, Gears, Opened
 
 
 class PartRows(NamedTuple):
@@ -67,6 +66,67 @@ class PartRows(NamedTuple):
     step: float
 
 
+@inner
+def motor_speeds(gears: Gears, v: Row, loose: Row, speed: OutRow) -> None:
+    """Write the speeds (m,) of the motor outputs at v (nv,); those of loose gears are `loose`."""
+    for i in range(len(speed)):
+        speed[i] = loose[i] if gears.yields[i] else dot(v, gears.rows[i])
+
+
+@inner
+def gear_laws(plant: Opened, speed: Row, step: float, laws: OutDense) -> None:
+    """Write the laws (m, 9) of the gears over a step: what rotors bring along, and their losses.
+
+    Args:
+        plant: with the gears, and the forces.
+        speed: (m,) of the motor outputs before the step.
+        step: h [s].
+        laws: to write, see `RowSystem`.
+    """
+    gears, forces = plant.gears, plant.forces
+    for i in range(len(speed)):
+        law, rubs = laws[i], step * gears.coulomb[i]
+        brought = step * gears.ratio[i] * plant.end.torque[i] + gears.inertia[i] * speed[i]
+        law[0], law[1], law[2] = brought - rubs, brought + rubs, gears.inertia[i]
+        law[2] += step * gears.viscous[i]
+        law[3], law[4], law[5], law[6] = forces.inverse[i], forces.backward[i], 0.0, 0.0
+        rest, slowness = forces.gears[i, 0], forces.gears[i, 1]
+        if rest > 0.0:
+            share = near_rest(dot(plant.end.speed, gears.rows[i]), rest, slowness)
+            law[3], law[4] = law[3] / (1.0 - share), law[4] / (1.0 + share)
+        if gears.row[i] >= 0:
+            law[5] = step * forces.friction[gears.row[i]]
+        law[7], law[8] = np.inf, 0.0
+
+
+@inner
+def rotor_brings(gears: Gears, which: int, brought: float, law: OutRow) -> None:
+    """Write what a rotor brings along an impact's path, in its direction and in the other one.
+
+    Ending up in the other direction it brings eta_f eta_b M w_before, where a step, which only
+    knows its end, takes all of M w_before. So the law is monotone, whatever is brought.
+
+    Args:
+        gears, which: all of them, and the number of this one.
+        brought: M w_before, less what the housing takes [N m s].
+        law: (9,) whose first two numbers are written, see `RowSystem`.
+    """
+    kept = max(gears.backward[which], 0.0) / gears.inverse[which] * brought
+    law[0] = brought if brought > 0.0 else kept
+    law[1] = brought if brought < 0.0 else kept
+
+
+@inner
+def rotor_energy(gears: Gears, v: Row, motor: Row) -> float:
+    """Return what rotors add to the kinetic energy at v (nv,), with motor outputs at (m,)."""
+    energy = 0.0
+    for g in range(len(motor)):
+        energy += 0.5 * gears.inertia[g] * motor[g] * motor[g]
+        if len(gears.coupling):
+            energy += motor[g] * dot(v, gears.coupling[g])
+    return energy
+
+
 @compiled(inside=True)
 def free_velocity(plant: Opened, rows: PartRows) -> None:
     """Write v + h H_l^-1 (forces) (nv,) of the middle.
@@ -107,12 +167,11 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
         np.empty(total, dtype=np.int64), np.empty(m), np.zeros(m), np.empty((soft, 2)),
         np.zeros(total), np.zeros(total), np.empty(total), np.zeros(m), np.zeros(m), step,
     )  # fmt: skip
-    motor_speeds(gears, v, plant.now.motor_speed, rows.motor)
     for i in range(m):
-        rows.places[i] = i
+        joint, rows.places[i] = dot(v, gears.rows[i]), i
+        rows.motor[i] = plant.now.motor_speed[i] if gears.yields[i] else joint
+        rows.relative[i] = rows.motor[i] - joint
         copy_to(gears.rows[i], rows.matrix[i])
-        if gears.yields[i]:
-            rows.relative[i] = rows.motor[i] - dot(v, gears.rows[i])
     barrier_rows(plant, rows.held, elements, rows.matrix, rows.axes)
     for row in range(both):
         rows.places[elements + row] = m + n + held[row]

@@ -43,8 +43,7 @@ from wbc.mechanics.newton import (
     velocity_after,
 )
 from wbc.mechanics.rows import RowSystem, copied, own_speed
-from wbc.sim.step.gears import rotor_brings
-from wbc.sim.step.part_rows import PartRows, part_system
+from wbc.sim.step.part_rows import PartRows, part_system, rotor_brings
 from wbc.sim.step.self_locking import solve_rows
 from wbc.sim.step.tables import DISSIPATION, HERTZ, Opened
 from wbc.transmission.flank_steps import flank_impulse
