@@ -54,11 +54,11 @@ class Barriers:
         at = [(joint.idx_q, joint.idx_v) for _, joint in single]
         limit_at = np.array(at, dtype=np.int64).reshape(-1, 2)
         limit_range = np.column_stack((low[limit_at[:, 0]], high[limit_at[:, 0]]))
-        both, pairs = _pairs_of(hulls, robot.surface, terrain)
+        known = [numbers for solid in terrain.solids if (numbers := solid.numbers()) is not None]
+        both, pairs = _pairs_of(hulls, robot.surface, terrain, known)
         last = {int(joint): row for row, (joint, _) in enumerate(tree.rows)}
         self.bodies = _tables_of(both, pairs, last, len(robot.contacts))
         points = _points_of(robot, self.bodies, last, len(terrain.solids))
-        known = [numbers for solid in terrain.solids if (numbers := solid.numbers()) is not None]
         solids = np.zeros((len(known), max(map(len, known), default=0)))
         for row, numbers in zip(solids, known, strict=True):
             row[: len(numbers)] = numbers
@@ -107,35 +107,31 @@ def _moves_in_plane(robot: Robot) -> bool:
 
 
 def _pairs_of(
-    hulls: Sequence[Hull], surface: BodySurface, terrain: Terrain
+    hulls: Sequence[Hull], surface: BodySurface, terrain: Terrain, known: Sequence[FloatArray]
 ) -> tuple[list[Hull], list[tuple[int, int, int]]]:
     """Return all hulls, those of the ground last, and which pairs of them may meet.
 
     Each hull meets every box, stair, ball and height field of the ground, and those of other bodies
     that are asked for. With height fields, which have no hull, goes their number among the solids,
-    else -1.
+    else -1. `known` are the numbers of the solids that have some.
 
     Raises:
         SimulationError: a pair with a body that has no hull.
     """
-    numbers = [solid.numbers() for solid in terrain.solids]
-    ground = [
+    boxes = (
         ground_box(own[1:4], own[4:13].reshape(3, 3), own[13:16], own[16:19])
-        for own in numbers
-        if own is not None and own[0] == BOX
-    ]
-    ground = [hull for hull in ground if len(hull.edges) + len(hull.corners)]
-    ground += [
-        hull_of("ground", "", 0, own[None, 1:4], float(own[4]))
-        for own in numbers
-        if own is not None and own[0] == BALL
-    ]
+        for own in known
+        if own[0] == BOX
+    )
+    ground = [hull for hull in boxes if len(hull.edges) + len(hull.corners)]
+    balls = (own for own in known if own[0] == BALL)
+    ground += [hull_of("ground", "", 0, own[None, 1:4], float(own[4])) for own in balls]
     own, pairs = len(hulls), []
     for one, other in product(range(own), range(own, own + len(ground))):
         if len(hulls[one].corners) > 1:
             pairs.append((one, other, -1))
     for number, solid in enumerate(terrain.solids):
-        if isinstance(solid, HeightField) and all(known is not None for known in numbers):
+        if isinstance(solid, HeightField) and len(known) == len(terrain.solids):
             pairs += [(one, own + len(ground), number) for one in range(own)]
             ground.append(hull_of("ground", "", 0, np.zeros((1, 3))))
     bodies = tuple(dict.fromkeys(hull.body for hull in hulls))
