@@ -89,8 +89,7 @@ def touch_ground(plant: Opened, closed: Flags) -> None:
     """
     obstacles, poses, pairs = plant.obstacles, plant.placed.poses, plant.bodies.pairs
     contacts, points, touch = obstacles.contacts, obstacles.points, obstacles.touch
-    joints = obstacles.contact_at
-    limits, some = obstacles.limits, len(closed) > 0
+    joints, limits, some = obstacles.contact_at, obstacles.limits, len(closed) > 0
     apart = some and obstacles.asked == 0 and len(pairs) == 0
     for i in range(0 if apart else len(contacts)):
         placed_at(poses[joints[i]], contacts[i], points[i])
@@ -115,12 +114,13 @@ def touch_ground(plant: Opened, closed: Flags) -> None:
         asked, own = not some, touch[first:end]
         for i in range(limits + first, limits + end if some else 0):
             asked = asked or closed[i]
-        for i in range(len(own) if asked else 0):
-            own[i] = 0.0
-            own[i, 0], own[i, 3] = FAR, 1.0
-        if asked and pairs[pair, 5] < 0:
+        if not asked:
+            continue
+        own[:] = 0.0
+        own[:, 0], own[:, 3] = FAR, 1.0
+        if pairs[pair, 5] < 0:
             meet(plant.bodies, poses, pair, own)
-        elif asked:
+        else:
             meet_field(plant, pair, some, own)
 
 

@@ -250,11 +250,9 @@ class Flow(Stage):
             mean = 0.5 * (end.speed + end.after)
             work = float(step * (joint @ mean))
             outer = 0.0 if external is None else float(step * (external @ mean))
-        mesh, rotor, gear, friction, contact = found[books.MESH : books.CONTACT + 1]
-        reloaded, bent, bristles = stored.reloaded, stored.bent, stored.bristles
-        return EnergyFlow(
-            motor, outer, work, reloaded, bent, mesh, rotor, gear, friction, bristles, contact
-        )
+        losses = *found[books.MESH : books.CONTACT], 0.0, found[books.CONTACT]
+        flow = EnergyFlow(motor, outer, work, 0.0, 0.0, *losses)
+        return flow + stored if seen else flow
 
 
 class Impact(Stage):
