@@ -14,7 +14,7 @@ import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner, local, view
 from wbc.mechanics.kinematics import placed_at, turned
-from wbc.mechanics.linear import add_times, apart, copy_to, dot, go_along
+from wbc.mechanics.linear import add_cross, add_times, apart, copy_to, dot, go_along
 from wbc.sim.step.tables import Bodies
 
 FAR = 10.0
@@ -143,11 +143,12 @@ def edge_gap(one: Row, other: Row, radius: float, tilt: float, found: OutRow) ->
             the lines whose cones meet, wherever they cross.
         found: normal from the other to the one (3), and place on the other (3), to write.
     """
-    a = b = c = d = e = 0.0
+    along, across, way, normal = local(3), local(3), local(3), local(3)
     for k in range(3):
-        along, across, way = one[3 + k] - one[k], other[3 + k] - other[k], one[k] - other[k]
-        a, b, c = a + along * along, b + along * across, c + across * across
-        d, e = d + along * way, e + across * way
+        along[k], across[k] = one[3 + k] - one[k], other[3 + k] - other[k]
+        way[k] = one[k] - other[k]
+    a, b, c = dot(along, along), dot(along, across), dot(across, across)
+    d, e = dot(along, way), dot(across, way)
     whole = a * c - b * b
     if whole <= _PARALLEL**2 * a * c:
         return FAR
@@ -156,17 +157,14 @@ def edge_gap(one: Row, other: Row, radius: float, tilt: float, found: OutRow) ->
     outside = abs(s - 0.5) > 0.5 + beyond_one or abs(t - 0.5) > 0.5 + beyond_other
     if outside and (tilt > 0.0 or radius > 0.0):
         return FAR
-    way, normal, inward = local(3), local(3), 0.0
     go_along(other[:3], other[3:6], t, found[3:])
     go_along(one[:3], one[3:6], s, way)
     add_times(-1.0, found[3:], way)
     if radius > 0.0:
         copy_to(way, normal)
     else:
-        for k in range(3):
-            i, j = (k + 1) % 3, (k + 2) % 3
-            normal[k] = (one[3 + i] - one[i]) * (other[3 + j] - other[j])
-            normal[k] -= (one[3 + j] - one[j]) * (other[3 + i] - other[i])
+        normal[:] = 0.0
+        add_cross(1.0, along, across, normal)
     inward, square = dot(normal, other[6:9]) + dot(normal, other[9:]), dot(normal, normal)
     if square <= 1e-24:
         return FAR
