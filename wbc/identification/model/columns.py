@@ -270,58 +270,74 @@ class Columns:
             held: as of `of`.
         """
         found: dict[int, SparseColumns | None] = {}
-        felt: dict[int, IntArray] = {}
-        reach: dict[int, Known] = {}
-        judged: dict[type[Effect], bool] = {}
+        felt: dict[int, IntArray | None] = {}
         robots: dict[int, Robot] = {}
         bends = not held and some_deflect(at.effects)
         for k, change in changes.items():
-            effect = change.after
             try:
                 robots[k] = self._whole(at, [change])
-                outputs = None if bends else outputs_of(self.robot, effect, at.records)
+                felt[k] = None if bends else outputs_of(self.robot, change.after, at.records)
             except IMPOSSIBLE:
                 found[k] = None
-                continue
-            reach[k] = "loads" if effect.acts_by <= ADDS and not bends else "nothing"
-            if outputs is not None:
-                within: Known = "asked" if effect.acts_by <= _IN_GEAR else "loads"
-                if type(effect) not in judged:
-                    moved = np.delete(next(self._moved(at, robots[k], within)), outputs, axis=1)
-                    judged[type(effect)] = not np.any(moved)
-                if judged[type(effect)]:
-                    felt[k], reach[k] = outputs, within
-        # People write effects of their own: what other outputs feel is made alone.
-        groups = [
-            group
-            for known in ("asked", "loads")
-            for group in _disjoint({k: own for k, own in felt.items() if reach[k] == known})
-        ]
-        rest = [k for k in reach if k not in felt]
-        groups += [[k] for k in rest]
-        bent = {k for k in rest if bends and self.swings(at, changes[k].after)}
+        groups = self._groups(at, changes, robots, felt, bends)
+        bent = {k for k in felt if bends and self.swings(at, changes[k].after)}
         ahead = self._ahead(at) if bent else []
         for first in range(0, len(groups), _BATCH):
             several, parts = groups[first : first + _BATCH], []
-            for group in several:
+            for group, known in several:
                 one, together = group[0], [changes[k] for k in group]
                 changed = robots[one] if len(group) == 1 else self._whole(at, together)
-                if one in bent:
-                    parts.append(self._bent(at, changed, ahead))
-                else:
-                    parts.append(list(self._moved(at, changed, reach[one])))
+                moved = self._moved(at, changed, known)
+                parts.append(self._bent(at, changed, ahead) if one in bent else list(moved))
             whole = np.concatenate(
                 [
                     record.condense(np.stack([own[log] for own in parts], axis=-1))
                     for log, record in enumerate(at.records)
                 ]
             )
-            for place, group in enumerate(several):
+            for place, (group, _) in enumerate(several):
                 for k in group:
-                    outputs = felt.get(k, np.arange(whole.shape[1]))
-                    own = SparseColumns.at(outputs, whole[:, :, [place]])
+                    outputs = felt[k]
+                    every = np.arange(whole.shape[1]) if outputs is None else outputs
+                    own = SparseColumns.at(every, whole[:, :, [place]])
                     found[k] = replace(own, values=own.values / changes[k].size)
         return found
+
+    def _groups(
+        self,
+        at: Evaluation,
+        changes: Mapping[int, Change],
+        robots: Mapping[int, Robot],
+        felt: dict[int, IntArray | None],
+        bends: bool,
+    ) -> list[tuple[list[int], Known]]:
+        """Return which changes are made together, and what stays as it is while they are.
+
+        People write effects of their own: where other outputs feel one, all do in `felt`.
+
+        Args:
+            at: the robot with effects.
+            changes: by number.
+            robots: with each.
+            felt: the outputs that alone feel each.
+            bends: whether links may swing otherwise.
+        """
+        alone: dict[int, Known] = {}
+        shared: dict[Known, dict[int, IntArray]] = {"asked": {}, "loads": {}}
+        judged: dict[type[Effect], bool] = {}
+        for k, outputs in felt.items():
+            effect = changes[k].after
+            within: Known = "asked" if effect.acts_by <= _IN_GEAR else "loads"
+            if outputs is not None and type(effect) not in judged:
+                moved = np.delete(next(self._moved(at, robots[k], within)), outputs, axis=1)
+                judged[type(effect)] = not np.any(moved)
+            if outputs is not None and judged[type(effect)]:
+                shared[within][k] = outputs
+            else:
+                alone[k] = "loads" if effect.acts_by <= ADDS and not bends else "nothing"
+        felt |= dict.fromkeys(alone)
+        groups = [(group, known) for known, own in shared.items() for group in _disjoint(own)]
+        return [*groups, *(([k], known) for k, known in alone.items())]
 
     def _moved(self, at: Evaluation, whole: Robot, known: Known) -> Iterator[FloatArray]:
         """Yield per record (N, m + b) what changes move, links swinging as before.
