@@ -48,6 +48,11 @@ class Regressor:
         """Effect name and place; a model holds each at most once."""
         return self.effect.name, self.where
 
+    @property
+    def drawn(self) -> bool:
+        """Whether its numbers are drawn to what is usual before the logs speak."""
+        return bool(self.usual.any())
+
     def build(self, robot: Robot, coefficients: FloatArray) -> Effect | None:
         """Return the effect with these coefficients, or None if `robot` cannot have it."""
         try:

@@ -12,7 +12,7 @@ Columns that many outputs feel are whitened first: that is fewer products.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from itertools import compress, pairwise
@@ -23,7 +23,7 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.choice.candidate_columns import Regressor, evidence, make_regressors
 from wbc.identification.choice.evidence import Key
-from wbc.identification.model.columns import SparseColumns
+from wbc.identification.model.columns import SparseColumns, drawn
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import evaluate
@@ -191,8 +191,8 @@ class LinearScreen:
         pairs = zip(chosen, self.coefficients(chosen) if chosen else (), strict=True)
         return [self.regressors[k].build(self.robot, c) for k, c in pairs]
 
-    def best_first(self) -> Iterator[Subset]:
-        """Yield every possible cause, that which leaves least on data held out first.
+    def best_first(self) -> list[Subset]:
+        """Return every possible cause, that which leaves least on data held out first.
 
         A cause is an effect at one place, or the same effect in all gears.
         """
@@ -200,7 +200,7 @@ class LinearScreen:
         causes = [[k] for k in free]
         causes += [self._best_shapes(group) for group in self._by_effect(free)]
         sets = [Subset(tuple(own), self.error(own)) for own in causes if own]
-        yield from sorted((s for s in sets if np.isfinite(s.error)), key=lambda s: s.error)
+        return sorted((s for s in sets if np.isfinite(s.error)), key=lambda s: s.error)
 
     def pairs(self, among: int) -> list[Subset]:
         """Return the best sets of two causes, of the `among` that explain most but for chance.
@@ -395,5 +395,5 @@ def screen_in_shares(
 
 def _drawn_twice(fit: Fit, regressor: Regressor) -> bool:
     """Whether a drawing would be wrong once as a whole and once in one of its links."""
-    places = {effect.where for effect in fit.effects if effect.search.departures(effect).size}
-    return bool(places and regressor.usual.any()) and _WHOLE in {*places, regressor.where}
+    places = {effect.where for effect in fit.effects if drawn(effect)}
+    return bool(places) and regressor.drawn and _WHOLE in {*places, regressor.where}

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.identification.choice.candidate_columns import Regressor
 from wbc.identification.choice.drop_screen import exchanged, losses, until_null
 from wbc.identification.choice.evidence import Hypothesis, Key, Offer, weigh, without
@@ -170,25 +168,22 @@ class Proposer:
             offer: what it then holds.
             added: the new ones.
         """
-        if any(regressor.usual.any() for regressor in added):
-            return np.inf
-        trials, columns = self.trials, self._changes(added)
-        return sum(exchanged(trials.problem, trials.fit(h), h, own, columns, offer))
+        return sum(self._promise(h, own, offer, added))
 
-    def _changes(self, added: Sequence[Regressor]) -> FloatArray:
-        """Return (rows, judged outputs, r) by how much the units of causes change the residual."""
-        whitening = self.trials.problem.whitening
-        return -np.concatenate([one.columns.whitened(whitening) for one in added], axis=2)
+    def _promise(
+        self, h: Hypothesis, own: Sequence[Effect], offer: Offer, added: Sequence[Regressor]
+    ) -> tuple[float, float]:
+        """Return `_gain` of the density and of the prior apart."""
+        if any(regressor.drawn for regressor in added):
+            return np.inf, 0.0
+        problem = self.trials.problem
+        whitened = [regressor.columns.whitened(problem.whitening) for regressor in added]
+        columns = -np.concatenate(whitened, axis=2)
+        return exchanged(problem, self.trials.fit(h), h, own, columns, offer)
 
     def _may_add(self, h: Hypothesis, offer: Offer, added: Sequence[Regressor]) -> bool:
-        """Whether causes more are drawn to what is usual, or may explain what they cost."""
-        drawn = any(regressor.usual.any() for regressor in added)
-        return drawn or self._worth(h, offer, self._changes(added))
-
-    def _worth(self, h: Hypothesis, offer: Offer, columns: FloatArray) -> bool:
         """Whether derivatives do not say that causes more explain far less than they cost."""
-        trials = self.trials
-        density, prior = exchanged(trials.problem, trials.fit(h), h, (), columns, offer)
+        density, prior = self._promise(h, (), offer, added)
         return MISSED * density > -prior
 
     def _around(self, h: Hypothesis) -> LinearScreen:
@@ -219,7 +214,7 @@ class Proposer:
         seen: set[tuple[Key, ...]] = set()
         limit = 0.0
         single = False  # whether the best single one was seen, which stands beside the best group
-        for subset in islice(search.best_first(), _SCREENED):
+        for subset in search.best_first()[:_SCREENED]:
             self.trials.ask()
             limit = limit or _limit(start, subset.error, enough)
             if len(seen) >= count or subset.error > start or (single and subset.error > limit):
@@ -284,7 +279,7 @@ def _drawn(search: LinearScreen) -> list[Subset]:
     """Return the best of every effect that is drawn to what is usual."""
     best: dict[type[Effect], Subset] = {}
     for k, regressor in enumerate(search.regressors):
-        if not regressor.usual.any():
+        if not regressor.drawn:
             continue
         subset = Subset((k,), search.error((k,)))
         known = best.get(regressor.effect)

@@ -12,6 +12,7 @@ from wbc.identification.choice.evidence import Hypothesis, Key, left_to_gain, wi
 from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.prior import LEAST_ASKED
 from wbc.identification.choice.proposals import MISSED, Proposer
+from wbc.identification.model.columns import drawn
 from wbc.identification.model.yielding import deflects
 
 _ADDED = 6  # offers that are fitted for one addition
@@ -78,8 +79,8 @@ class Search:
         held: Counter[str] = Counter()
         shorter = False
         for _ in range(_MOST_MOVES):
-            drawn = any(effect.search.departures(effect).size for effect in current.effects)
-            doubted = doubted_names(self.proposer.trials, current) if drawn else ()
+            redrawn = any(map(drawn, current.effects))
+            doubted = doubted_names(self.proposer.trials, current) if redrawn else ()
             held = Counter({name: held[name] + (not shorter) for name in doubted})
             lasting = [name for name, count in held.items() if count >= _CHANCES]
             if lasting:

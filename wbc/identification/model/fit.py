@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import DynamicsError
-from wbc.identification.model.columns import STEP, Columns, derivatives
+from wbc.identification.model.columns import STEP, Columns, derivatives, drawn
 from wbc.identification.model.residual import IMPOSSIBLE, Evaluation, Slots, evaluate, with_changes
 from wbc.identification.model.yielding import loose, some_deflect
 from wbc.identification.records.record import Record, rows_of_folds
@@ -487,7 +487,7 @@ def _shared(near: Fit, effects: Sequence[Effect], slots: Slots) -> dict[int, Flo
 
 
 def _usual(at: Evaluation, slots: Slots, samples: FloatArray) -> UsualRows:
-    if not any(effect.search.departures(effect).size for effect in at.effects):
+    if not any(map(drawn, at.effects)):
         return UsualRows.none(at.residual.shape[1], len(slots))
     variance = np.maximum(np.mean(at.residual**2, axis=0), 1.0)
     return UsualRows.of(at.effects, slots, variance / samples, samples)
