@@ -211,23 +211,27 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
         gaps_of(plant, q, here)
         if turn == 0:
             copy_to(here, gap)
-        near, touching = (here < _NEAR).nonzero()[0], 0
-        for row in range(len(near)):
-            touching += near[row] >= plant.obstacles.limits
-        count, missing = len(near), -here[near]
-        if count == 0 or np.max(missing) <= 0.5 * TOUCH:
+        near, count, touching, deepest = np.empty(size, dtype=np.int64), 0, 0, 0.0
+        for i in range(size):
+            deepest = min(deepest, here[i])
+            if here[i] < _NEAR:
+                near[count], count = i, count + 1
+                touching += i >= plant.obstacles.limits
+        if deepest >= -0.5 * TOUCH:
             return True
         weigh(plant)
         matrix, axes = np.empty((count + d * touching, n)), np.empty((touching * (1 + d), 3))
-        barrier_rows(plant, near, 0, matrix, axes)
+        barrier_rows(plant, near[:count], 0, matrix, axes)
         metric, most = plant.placed.inertia.copy(), 0.0
         for i in range(n):
             most = max(most, metric[i, i])
         for i in range(n):
             metric[i, i] += 1e6 * most * stiff[i]
         copy_to(q, last)
-        free = np.zeros(count, dtype=np.bool_)
-        if not shift_of(metric, matrix[:count], free, np.minimum(missing, _NEAR), shift):
+        free, missing = np.zeros(count, dtype=np.bool_), np.empty(count)
+        for row in range(count):
+            missing[row] = min(-here[near[row]], _NEAR)
+        if not shift_of(metric, matrix[:count], free, missing, shift):
             return False
         moved_along(plant.tree.joints, last, shift, 1.0, q)
     copy_to(start, q)
