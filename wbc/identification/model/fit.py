@@ -452,7 +452,8 @@ def refine(
         gain = (before - _cost(moved, usual)) / before
         settled = gain < least or length * float(np.max(np.abs(step))) < _CONVERGED
         change = change_along(jacobian, length * step)
-        straight = _norm(moved.residual - at.residual - change) < _STRAIGHT * _norm(change)
+        bend = float(np.linalg.norm(moved.residual - at.residual - change))
+        straight = bend < _STRAIGHT * float(np.linalg.norm(change))
         if (straight and not swings) or (settled and (taken or not swings)):
             # Nothing bends on this way: the derivatives hold at its end, too.
             at = moved
@@ -519,10 +520,6 @@ def change_along(jacobian: FloatArray, step: FloatArray) -> FloatArray:
     """Return what a step (p,) changes (rows, outputs), by derivatives (rows, outputs, p)."""
     rows, outputs, count = jacobian.shape
     return np.asarray((jacobian.reshape(rows * outputs, count) @ step).reshape(rows, outputs))
-
-
-def _norm(values: FloatArray) -> float:
-    return float(np.sqrt(np.sum(values**2)))
 
 
 def _normal(
