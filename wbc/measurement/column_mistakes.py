@@ -341,6 +341,5 @@ def log_mixture(away: FloatArray, parts: Iterable[tuple[float, float]]) -> Float
         away: (...) where it is asked for.
         parts: share and standard deviation of each.
     """
-    return np.asarray(
-        logsumexp([np.log(share / s) - 0.5 * (away / s) ** 2 for share, s in parts], axis=0)
-    )
+    each = [np.log(share / s) - 0.5 * (away / s) ** 2 for share, s in parts]
+    return np.asarray(np.logaddexp.reduce(each))  # SciPy's takes ten times as long for so few
