@@ -239,8 +239,8 @@ def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArr
         seed: of what is drawn.
     """
     robot, noise, random = record.robot, record.noise, np.random.default_rng(seed)
-    position, acceleration = _shaken(record, random)
-    torque = _links_torque(record, position, acceleration)(record.model_of(robot))
+    acceleration, torque_of = _shaken(record, random)
+    torque = torque_of(record.model_of(robot))
     forces = {name: _white(record, random, level) for name, level in noise.forces.items()}
     torque -= contact_torque(robot, record.motion.position, forces)
     sensed = _white(record, random, noise.sensed)
@@ -266,9 +266,8 @@ def _seen(record: Record, torque: FloatArray) -> FloatArray:
 
 def noise_of_links(record: Record) -> Callable[[pin.Model], FloatArray]:
     """Return what links make of noise of the motion, drawn once: (rows, m + b) of a model."""
-    position, acceleration = _shaken(record, np.random.default_rng(0))
-    torque = _links_torque(record, position, acceleration)
-    sensed = np.zeros((len(position), record.sensed.shape[1]))
+    acceleration, torque = _shaken(record, np.random.default_rng(0))
+    sensed = np.zeros_like(record.sensed)
     return lambda model: record.condense(_needed(record, torque(model), acceleration, sensed))
 
 
@@ -279,35 +278,32 @@ def _white(record: Record, random: np.random.Generator, level: FloatArray) -> Fl
     return low_pass(drawn, record.bandwidth.kinematics, record.rate)
 
 
-def _shaken(record: Record, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Return drawn errors (N, nv) of positions and accelerations."""
+def _shaken(
+    record: Record, random: np.random.Generator
+) -> tuple[FloatArray, Callable[[pin.Model], FloatArray]]:
+    """Return drawn errors of accelerations, and what they and those of positions change (N, nv).
+
+    What changes is the torque of a model's links. Positions enter through gravity, accelerations
+    through inertia; speeds matter little.
+    """
     noise = record.noise
     position = np.nan_to_num(_white(record, random, noise.position))
     drawn = _white(record, random, noise.velocity)
     measured = noise.measures_speed(record.bandwidth)
     velocity = np.where(measured, drawn, derivative(position, record.rate))
-    return position, derivative(velocity, record.rate)
-
-
-def _links_torque(
-    record: Record, position: FloatArray, acceleration: FloatArray
-) -> Callable[[pin.Model], FloatArray]:
-    """Return what errors (N, nv) of position and acceleration change in the torque of links.
-
-    Positions enter through gravity, accelerations through inertia; speeds matter little.
-    """
-    measured, at_rest = record.motion.position, np.zeros(position.shape)
-    own, rows = record.robot.model, zip(measured, position, strict=True)
+    acceleration = derivative(velocity, record.rate)
+    given, at_rest = record.motion.position, np.zeros(position.shape)
+    own, rows = record.robot.model, zip(given, position, strict=True)
     if own.nq == own.nv:  # coordinates are plain numbers
-        shifted = measured + position
+        shifted = given + position
     else:
         shifted = np.array([pin.integrate(own, q, error) for q, error in rows])
 
     def torque(model: pin.Model) -> FloatArray:
         there = inverse_dynamics(model, shifted, at_rest, acceleration)
-        return there - inverse_dynamics(model, measured, at_rest, at_rest)
+        return there - inverse_dynamics(model, given, at_rest, at_rest)
 
-    return torque
+    return acceleration, torque
 
 
 def _needed(

@@ -123,13 +123,8 @@ def not_judged_at_rest(records: Sequence[Record]) -> tuple[Record, ...]:
     that the logs with motion do not say better. An output that moves in no log keeps its weight:
     its load is all that is known of it.
     """
-    if len(records) < 2:
-        return tuple(records)
-    still = standing(records)
-    return tuple(
-        record if not aside.any() else replace(record, weight=frozen(record.weight * ~aside))
-        for record, aside in zip(records, still, strict=True)
-    )
+    pairs = zip(records, standing(records), strict=True)
+    return tuple(replace(r, weight=frozen(r.weight * ~aside)) for r, aside in pairs)
 
 
 def standing(records: Sequence[Record]) -> BoolArray:

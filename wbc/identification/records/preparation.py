@@ -154,7 +154,6 @@ def _with_noise_shared(record: Record) -> Record:
     the same moments. Loads are believed as far as they are more than noise.
     """
     reported, needed = synthetic_noise(record)
-    record = replace(record, load_band=frozen(load_bands(record, needed)))
     cutoff = record.bandwidth.residual
     reported = low_pass(reported, cutoff, record.rate)
     noise = reported + low_pass(needed, cutoff, record.rate)
@@ -164,7 +163,7 @@ def _with_noise_shared(record: Record) -> Record:
     partners &= record.weight.any(axis=0)  # one that is not judged here speaks for no other
     np.fill_diagonal(partners, True)
     weight = np.stack([record.weight[:, row].min(axis=1) for row in partners], axis=1)
-    return replace(record, weight=frozen(weight))
+    return replace(record, weight=frozen(weight), load_band=frozen(load_bands(record, needed)))
 
 
 def _smooth_motion(
