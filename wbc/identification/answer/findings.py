@@ -203,9 +203,8 @@ def quantities_of(
     now = told(effect)
     each = [slope_of(told, effect, fit.parameters[row][1], now) for row in rows]
     slopes = np.stack(each, axis=-1)
-    usual = fit.usual.jacobian[:, rows]
-    alone = _spread(usual.T @ usual, slopes)
-    after = _spread(beside_others(fit.known, rows), slopes)
+    usual, known = fit.usual.jacobian[:, rows], beside_others(fit.known, rows)
+    alone, after = _spread(usual.T @ usual, slopes), _spread(known, slopes)
     apart = np.linalg.norm(block_deviations(fit, problem.blocks)[:, rows] @ slopes.T, axis=0)
     half = np.hypot(TAIL * np.hypot(apart, after), slopes @ distortion[rows])
     estimates = {
@@ -219,30 +218,32 @@ def quantities_of(
         for row, (name, quantity) in enumerate(found.items())
         if after[row] < _TOLD * alone[row]
     }
-    known = _simplest(estimates, found)
-    differ = {name: e for name, e in known.items() if not e.low <= before[name].value <= e.high}
-    sentences = [_numbers_told(fit, rows)]
+    simple = _simplest(estimates, found)
+    differ = {name: e for name, e in simple.items() if not e.low <= before[name].value <= e.high}
+    sentences = [_numbers_told(usual.T @ usual, known)]
     if not differ:
         sentences.append("no mass, centre or moment alone differs for certain, only sums of them")
-    if same := [name for name in known if name not in differ]:
+    if same := [name for name in simple if name not in differ]:
         sentences.append(f"as given, within their intervals: {', '.join(same)}")
     if silent := [name for name in _in_own_place(found) if name not in estimates]:
         sentences.append(f"not shown by these logs, left as given: {_listed(silent, found)}")
     return differ, sentences
 
 
-def _numbers_told(fit: Fit, rows: list[int]) -> str:
-    """Return in words how many directions of some parameters the logs tell.
+def _numbers_told(usual: FloatArray, known: FloatArray) -> str:
+    """Return in words how many directions of p parameters the logs tell.
 
     By the eigenvalues of what the logs know of them in units of what is known without.
+
+    Args:
+        usual: (p, p) information on them without the logs.
+        known: (p, p) the same with the logs.
     """
-    usual = fit.usual.jacobian[:, rows].T @ fit.usual.jacobian[:, rows]
     root = np.linalg.inv(np.linalg.cholesky(usual))
-    logs = beside_others(fit.known, rows) - usual
-    known = np.linalg.eigvalsh(root @ logs @ root.T)
-    count = int(np.sum(known > 1.0 / _TOLD**2 - 1.0))
+    told = np.linalg.eigvalsh(root @ (known - usual) @ root.T)
+    count = int(np.sum(told > 1.0 / _TOLD**2 - 1.0))
     return (
-        f"these logs tell {count} of its {len(rows)} numbers or of their combinations; the rest "
+        f"these logs tell {count} of its {len(usual)} numbers or of their combinations; the rest "
         "is regularised towards the CAD inertia"
     )
 

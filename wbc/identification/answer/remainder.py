@@ -330,51 +330,41 @@ class Attainable:
         left: of the robot.
         attainable: with a flexible regression of what is left on motion, load and time, held out;
             or the noise floor, where runs repeat one another.
-        samples: independent samples of what is left.
-        whiteness: the same as a share of those of white noise.
-        numbers: how many the regression has.
+        excess: what of it, above the floor, is left unexplained.
     """
 
     left: FloatArray
     attainable: FloatArray
-    samples: FloatArray
-    whiteness: FloatArray
-    numbers: int
-
-    @property
-    def excess(self) -> FloatArray:
-        """(outputs,) mean squares above the floor that are left unexplained.
-
-        What forgets itself as fast as noise is noise but for the share that the regression
-        explains, or that so few samples could hide from its many numbers: then the floor of the
-        sensors was too low. The rest of it is unexplained.
-        """
-        nats = 0.5 * self.samples * np.log(self.left / np.maximum(self.attainable, 1e-300))
-        hidden = 1.0 - np.exp(-2.0 * (nats + 0.5 * self.numbers) / self.samples)
-        share = 1.0 - self.whiteness * (1.0 - hidden)
-        return np.asarray(share * np.maximum(self.left - 1.0, 0.0))
+    excess: FloatArray
 
 
 def attainable(problem: EstimationProblem, fit: Fit) -> Attainable:
     """Return what a robot leaves on its logs beside what any model would.
+
+    What forgets itself as fast as noise is noise but for the share that the regression explains,
+    or that so few samples could hide from its many numbers: then the floor of the sensors was too
+    low. The rest of it is unexplained.
 
     Args:
         problem: the logs.
         fit: of the robot.
     """
     left = np.mean(fit.residual**2, axis=0)
-    samples = problem.independent_samples(fit.residual)
-    whiteness = np.minimum(samples / problem.white_samples, 1.0)
-    count = len(fit.residual)
+    above = np.maximum(left - 1.0, 0.0)
     if problem.floor.repeats:
         # The floor is known: whatever is above it is no noise.
-        return Attainable(left, np.minimum(left, 1.0), samples * count, np.zeros_like(left), 0)
+        return Attainable(left, np.minimum(left, 1.0), above)
     features = _features_of(problem)
     folds = np.unique(problem.blocks, return_inverse=True)[1] % _FOLDS  # interleaved
     pairs = zip(features, fit.residual.T, strict=True)
-    reached = np.array([_held_out(own, residual, folds) for own, residual in pairs])
-    numbers = max(own.shape[1] for own in features)
-    return Attainable(left, np.minimum(reached, left), samples * count, whiteness, numbers)
+    held_out = np.array([_held_out(own, residual, folds) for own, residual in pairs])
+    reached, numbers = np.minimum(held_out, left), max(own.shape[1] for own in features)
+    per_row = problem.independent_samples(fit.residual)
+    whiteness = np.minimum(per_row / problem.white_samples, 1.0)
+    samples = per_row * len(fit.residual)
+    nats = 0.5 * samples * np.log(left / np.maximum(reached, 1e-300))
+    hidden = 1.0 - np.exp(-2.0 * (nats + 0.5 * numbers) / samples)
+    return Attainable(left, reached, (1.0 - whiteness * (1.0 - hidden)) * above)
 
 
 @lru_cache(maxsize=1)
