@@ -343,11 +343,13 @@ def _to_tell_apart(findings: Sequence[Finding], classes: Mapping[str, type[Effec
     for finding in findings:
         if not finding.alternatives:
             continue
-        names = dict.fromkeys(a.effect for a in finding.alternatives)
-        kinds = [type(finding.effect), *(classes[name] for name in names if name in classes)]
+        rivals = [classes[a.effect] for a in finding.alternatives if a.effect in classes]
+        kinds = list(dict.fromkeys([type(finding.effect), *rivals]))
         motions = dict.fromkeys(_motion(kind) for kind in kinds)
         places.setdefault(tuple(motions)[:FEW], {})[finding.effect.where] = None
-        impossible |= dict.fromkeys(_what_no_run_tells(finding, classes))
+        for one, other in permutations(kinds, 2):
+            if other.name in one.search.inseparable:
+                impossible[one.search.inseparable[other.name]] = None
     if not places:
         return []
     asked = [f"At {joined(list(at))}: {'; '.join(motions)}." for motions, at in places.items()]
@@ -381,15 +383,3 @@ def _of_what_is_left(left: Sequence[Remainder], floor: NoiseFloor) -> str:
     if not asked:
         texts.append("Move one joint at a time, slowly and fast, through the same positions.")
     return " ".join(texts)
-
-
-def _what_no_run_tells(finding: Finding, classes: Mapping[str, type[Effect]]) -> list[str]:
-    """Return a sentence for every two of the rivals that no experiment on a robot separates."""
-    names = dict.fromkeys([finding.effect.name, *(a.effect for a in finding.alternatives)])
-    rivals = [classes[name] for name in names if name in classes]
-    pairs = permutations(rivals, 2)
-    return [
-        one.search.inseparable[other.name]
-        for one, other in pairs
-        if other.name in one.search.inseparable
-    ]
