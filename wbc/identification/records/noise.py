@@ -146,13 +146,9 @@ def noise_floor(
     sensors = _covariance(noise)
     if not repeats:
         return NoiseFloor(sensors, sensors, (), samples=len(noise) / per_sample)
-    differences = [
-        _difference(residuals[i], records[i].time, residuals[j], records[j].time) / np.sqrt(2.0)
-        for i, j in repeats
-    ]
-    noise = np.concatenate(differences)
-    repeated = _covariance(noise)
-    covariance = _over_all(records, repeats, repeated, sensors)
+    pairs = ((residuals[i], records[i].time, residuals[j], records[j].time) for i, j in repeats)
+    noise = np.concatenate([_difference(*pair) / np.sqrt(2.0) for pair in pairs])
+    covariance = _over_all(records, repeats, _covariance(noise), sensors)
     raised = np.sqrt(np.maximum(np.diag(sensors) / np.diag(covariance), 1.0))
     covariance *= np.outer(raised, raised)
     return NoiseFloor(covariance, sensors, tuple(repeats), samples=len(noise) / per_sample)

@@ -268,8 +268,7 @@ def _share(given: FloatArray, columns: FloatArray) -> tuple[float, float]:
     size = np.sqrt(np.sum(columns**2, axis=0))
     if size[0] <= 0.0:
         return 0.0, np.inf
-    columns = columns[:, size > 0.0]
-    scaled = columns / size[size > 0.0]
+    scaled = columns[:, size > 0.0] / size[size > 0.0]
     inverse = np.linalg.pinv(scaled.T @ scaled)
     solution = inverse @ (scaled.T @ given)
     left = given - scaled @ solution
@@ -289,8 +288,6 @@ def _friction(record: Record) -> FloatArray:
 
 def reported_torque(record: Record) -> FloatArray:
     """Return the condensed torque (rows, m + b) that the drives report, at the motor output."""
-    torque = np.zeros(record.weight.shape)
-    ratio = np.abs(record.robot.transmission.gear_ratio)
-    torque[:, : ratio.size] = record.torque * ratio
-    torque[:, output_count(record.robot) - len(record.robot.torque_sensors) :] = record.sensed
-    return record.condense(torque)
+    torque = record.torque * np.abs(record.robot.transmission.gear_ratio)
+    base = np.zeros((len(torque), record.robot.floating_size))
+    return record.condense(np.concatenate([torque, base, record.sensed], axis=1))

@@ -30,6 +30,8 @@ from wbc.robot import ContactForces, Motion, Robot
 from wbc.robot.coordinates import output_units as gear_and_base_units
 
 _SMALL = 1e-6
+_Slopes = tuple[FloatArray, FloatArray, FloatArray]
+"""How a need changes with a joint's acceleration, velocity and position."""
 
 
 def output_count(robot: Robot) -> int:
@@ -124,9 +126,7 @@ class Record:
     load_band: FloatArray
     inertia: FloatArray | None = None
     _responses: dict[str, LinkResponse] = field(init=False, default_factory=dict)
-    _response_changes: dict[str, tuple[IntArray, list[FloatArray]]] = field(
-        init=False, default_factory=dict
-    )
+    _response_changes: dict[str, tuple[IntArray, _Slopes]] = field(init=False, default_factory=dict)
     _regressors: dict[tuple[int, bytes], FloatArray] = field(init=False, default_factory=dict)
     _latest: dict[bytes, FloatArray] = field(init=False, default_factory=dict)
 
@@ -305,16 +305,14 @@ class Record:
         """
         own, row = self.robot, self.robot.velocity_index(joint)
         if joint not in self._responses:
-            inertia, damping, stiffness = self._slopes(
+            slopes = self._slopes(
                 joint, lambda m: link_torque(own, m) - contact_torque(own, m.position, self.forces)
             )
             self._responses[joint] = LinkResponse(
-                step=1.0 / self.rate,
-                row=row,
-                load=self.links - self.contacts,
-                inertia=inertia,
-                damping=damping,
-                stiffness=stiffness,
+                1.0 / self.rate,
+                row,
+                self.links - self.contacts,
+                *slopes,
                 unexplained=np.zeros(len(self.links)),
                 band=partial(self.condensed_at, output=own.transmission.index(joint)),
                 rows=np.arange(self.edge, len(self.links) - self.edge, self.stride),
@@ -325,20 +323,16 @@ class Record:
         kept = np.flatnonzero(change)
         if not kept.size:
             return response
-        known, columns = self._response_changes.get(joint, (kept[:0], []))
-        if not np.isin(kept, known).all():
+        known, columns = self._response_changes.get(joint, (kept[:0], None))
+        if columns is None or not np.isin(kept, known).all():
             known = np.union1d(kept, known)
             columns = self._slopes(joint, lambda m: inertial_regressor(own, m)[:, :, known])
             self._response_changes[joint] = known, columns
-        inertia, damping, stiffness = (column @ change[known] for column in columns)
-        return replace(
-            response,
-            inertia=response.inertia + inertia,
-            damping=response.damping + damping,
-            stiffness=response.stiffness + stiffness,
-        )
+        pairs = zip(("inertia", "damping", "stiffness"), columns, strict=True)
+        more = {name: getattr(response, name) + column @ change[known] for name, column in pairs}
+        return replace(response, **more)
 
-    def _slopes(self, joint: str, needed: Callable[[Motion], FloatArray]) -> list[FloatArray]:
+    def _slopes(self, joint: str, needed: Callable[[Motion], FloatArray]) -> _Slopes:
         """Return how a need changes with a joint's acceleration, velocity and position."""
         motion, robot = self.motion, self.robot
         unit = np.eye(robot.model.nv)[robot.velocity_index(joint)]
@@ -348,8 +342,8 @@ class Record:
         faster = motion.replace(velocity=motion.velocity + _SMALL * unit)
         bent = motion.replace(position=position)
         here = needed(motion)
-        each = ((pushed, 1.0), (faster, _SMALL), (bent, _SMALL))
-        return [(needed(moved) - here) / step for moved, step in each]
+        by_velocity, by_position = ((needed(m) - here) / _SMALL for m in (faster, bent))
+        return needed(pushed) - here, by_velocity, by_position
 
 
 _BLOCKS_PER_LOG = 5
