@@ -212,7 +212,7 @@ def _outputs(problem: EstimationProblem, series: Sequence[Series]) -> tuple[Outp
     units, unknown = output_units(problem.robot), without_links(problem.robot)
     size = problem.robot.transmission.size
     given = np.full(len(units), np.nan)
-    given[:size] = _rms(np.concatenate([s.measured for s in series]))[:size]
+    given[:size] = _rms(np.concatenate([s.measured for s in series]))
     left, floor = _rms(problem.residual), problem.floor.values
     return tuple(
         OutputError(name, units[k], float(left[k]), float(floor[k]), float(given[k]))

@@ -297,13 +297,8 @@ def target_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
     if kd > 0.0:
         wanted += kd * _late(log, transmission, row, "target_velocity")
     share = _powered(log, joint) / float(transmission.gear_ratio[row])
-    return DriveLaw(
-        wanted * share,
-        kp * share,
-        kd * share,
-        np.full(len(log), np.inf),
-        float(transmission.torque_limit[row]),
-    )
+    unbounded, limit = np.full(len(log), np.inf), float(transmission.torque_limit[row])
+    return DriveLaw(wanted * share, kp * share, kd * share, unbounded, limit)
 
 
 def made_torque(log: Log, transmission: Transmission, row: int) -> DriveTorque:

@@ -77,13 +77,12 @@ class ContactBalance:
         felt = robot.transmission.topology.T @ push[:, robot.actuated] @ free
         size = float(np.max(np.abs(push), initial=0.0))
         felt[np.abs(felt) < 1e-9 * size] = 0.0
-        if not felt.any():
-            return cls(push, from_base, None, None, np.concatenate([gears, base]))
-        back = np.linalg.pinv(felt, rcond=_RANK)
-        unseen = felt @ back
-        gears = gears - np.einsum("nii->i", unseen) / len(position)
-        seen = np.concatenate([gears, base])
-        return cls(push, from_base, free @ back, unseen, seen)
+        inner, unseen = None, None
+        if felt.any():
+            back = np.linalg.pinv(felt, rcond=_RANK)
+            inner, unseen = free @ back, felt @ back
+            gears = gears - np.einsum("nii->i", unseen) / len(position)
+        return cls(push, from_base, inner, unseen, np.concatenate([gears, base]))
 
     def carried(self, wrench: FloatArray) -> FloatArray:
         """Return J' f (N, nv) of the forces that carry what the base lacks, wrench (N, b)."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 from scipy.signal import welch
 from scipy.signal.windows import hann
 
@@ -214,11 +215,11 @@ def steady_level(values: FloatArray, direction: FloatArray, rate: float) -> Floa
     left = unsmooth(np.arange(len(values)) / rate, values) ** 2
     turned = np.zeros(values.shape, dtype=bool)
     turned[1:] = np.diff(direction, axis=0) != 0.0
-    for column in range(values.shape[1]):
-        near = np.convolve(turned[:, column], np.ones(2 * WINDOW_SAMPLES + 1), "same") > 0.5
-        near[:WINDOW_SAMPLES] = near[-WINDOW_SAMPLES:] = True
-        if np.sum(~near) >= 2 * WINDOW_SAMPLES:
-            result[column] = np.mean(left[~near, column]) * 2.0 / rate
+    near = maximum_filter1d(turned, 2 * WINDOW_SAMPLES + 1, axis=0, mode="constant")
+    near[:WINDOW_SAMPLES] = near[-WINDOW_SAMPLES:] = True
+    for column, far in enumerate(~near.T):
+        if np.sum(far) >= 2 * WINDOW_SAMPLES:
+            result[column] = np.mean(left[far, column]) * 2.0 / rate
     return result
 
 
