@@ -215,9 +215,10 @@ def _supports(
 def _place_of(problem: EstimationProblem, fit: Fit, own: Effect) -> str:
     """Return the joint whose position alone tells what a cause adds; empty for none.
 
-    At the output that feels the cause most. Inertias that are drawn to those of the CAD are no law.
+    At the output that feels the cause most. What machines usually have, such as friction along one
+    slow sweep, is none of several laws that one cause could be.
     """
-    if own.search.departures(own).size:
+    if own.search.expected > 0.0:
         return ""
     gone, steps = until_null(fit, (own,), problem.robot)
     change = fit.jacobian[:, :, gone] @ steps
