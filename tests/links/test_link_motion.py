@@ -76,14 +76,14 @@ def test_a_motion_is_followed_from_one_without_play_and_back(way: int, straight:
 def test_nothing_swings_behind_a_gear_that_moves_a_point_on_its_own_axis() -> None:
     response = _response(_truth(Flanks(300.0, 0.5, 0.0), (0.01, 0.0)), inertia=0.0)
     for play in (False, True):
-        assert best_gears([response], has_play=play, count=1) == []
+        assert best_gears(response, has_play=play, count=1) == []
 
 
 def test_no_spring_is_offered_that_a_gear_cannot_state() -> None:
     """A wrist of 2 g m^2 that swings at 2 Hz: the diagnosis of a recorded arm ended in an error."""
     response = _response(_truth(Flanks(300.0, 0.5, 0.0), (0.01, 0.0)), inertia=0.002)
     response = replace(response, load=0.01 * response.load)
-    found = best_gears([response], has_play=False, count=300)
+    found = best_gears(response, has_play=False, count=300)
     assert found
     for _, flanks in found:
         assert JointCompliance.having("wrist", flanks).stiffness == flanks.stiffness

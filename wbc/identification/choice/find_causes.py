@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
+from wbc.effects.gear_losses import YieldingGear
 from wbc.identification.choice.certainty import UNEXPLAINED_SHARE
 from wbc.identification.choice.evidence import Hypothesis
 from wbc.identification.choice.gears import gears_beside, two_gears
@@ -81,10 +82,12 @@ def find_causes(
         if plain is not None:
             direct.path.append(plain)
             ends.append(direct.climb(plain))
-        if gears := tuple(kind for kind in classes if deflects(kind)):
+        if gears := [kind for kind in classes if issubclass(kind, YieldingGear)]:
             ends += _with_yielding_gears(direct, gears, trials.best_of(ends))
         final = trials.best_of(ends)
-        _fit_nearest_rivals(direct.proposer, final)
+        if not final.swings:  # an answer says by how much what comes nearest to it is worse
+            nearest = direct.proposer.exchanges(final, RIVALS, hopeless=True)
+            trials.rivals_of(final, nearest[:RIVALS])
     except OutOfTime:
         stopped = _OVER
     except KeyboardInterrupt:
@@ -94,15 +97,8 @@ def find_causes(
     return SearchResult(trials, final, stopped)
 
 
-def _fit_nearest_rivals(proposer: Proposer, final: Hypothesis) -> None:
-    """Fit what comes nearest in the place of the causes: an answer says by how much it is worse."""
-    if not final.swings:
-        offers = proposer.exchanges(final, RIVALS, hopeless=True)
-        proposer.trials.rivals_of(final, offers[:RIVALS])
-
-
 def _with_yielding_gears(
-    direct: Search, gears: Sequence[type[Effect]], known: Hypothesis
+    direct: Search, gears: Sequence[type[YieldingGear]], known: Hypothesis
 ) -> list[Hypothesis]:
     """Return where climbs end that begin with links that swing.
 
@@ -139,7 +135,7 @@ def _with_yielding_gears(
 
 def _swung(
     direct: Search,
-    gears: Sequence[type[Effect]],
+    gears: Sequence[type[YieldingGear]],
     origin: Hypothesis,
     enough: float,
     known: Hypothesis,
@@ -214,14 +210,13 @@ def _closer(
     start = near.of(found.final.effects)
     if start is None:
         return found
-    first = Search(Proposer(near, slow), report)
-    begun = first.lengthen(start)  # a swap of what is known is no answer here
+    begun = Search(Proposer(near, slow), report).lengthen(
+        start
+    )  # a swap of what is known is no answer here
     if begun is start:
         return found
-    whole = replace(first, proposer=Proposer(near, tuple(c for c in classes if not deflects(c))))
-    final = whole.climb(begun)
-    known, seen = set(found.final.keys), set(final.keys)
+    at_once = tuple(kind for kind in classes if not deflects(kind))
+    final = Search(Proposer(near, at_once), report).climb(begun)
+    known = set(found.final.keys)
     slowly = any(e.search.near_rest for e in final.effects if e.key not in known)
-    if not slowly or not known <= seen:
-        return found
-    return SearchResult(near, final)
+    return SearchResult(near, final) if slowly and known <= set(final.keys) else found

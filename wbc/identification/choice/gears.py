@@ -19,7 +19,7 @@ from wbc.identification.model.residual import IMPOSSIBLE, evaluate, link_respons
 from wbc.identification.model.yielding import deflects, plays
 from wbc.identification.records.record import Record
 from wbc.links import LinkResponse, deflections
-from wbc.robot import Effect, Robot
+from wbc.robot import Robot
 from wbc.transmission import Flanks
 
 _Factors = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
@@ -55,7 +55,7 @@ _JOINTS, _JOINTS_OF_TWO = 4, 2  # with the largest residuals, at which gears are
 
 
 def gears_beside(
-    trials: Trials, fit: Fit, known: Fit, kinds: Sequence[type[Effect]]
+    trials: Trials, fit: Fit, known: Fit, kinds: Sequence[type[YieldingGear]]
 ) -> list[Offer]:
     """Return the effects of a fit with a gear more, those that leave least first.
 
@@ -67,7 +67,7 @@ def gears_beside(
         trials: on the logs.
         fit: of the effects.
         known: that explains most so far.
-        kinds: effects that may be used.
+        kinds: gears that may be used.
 
     Raises:
         OutOfTime: there is none for all of them.
@@ -83,9 +83,9 @@ def gears_beside(
         if joint in taken:
             continue
         floor = float(problem.floor.values[output]) ** 2
-        for side, whole_logs in _by_side(fit.robot, joint, [record]):
-            responses = [response.beginning(_SCREENED) for response in whole_logs]
-            count = len(responses[0].rows)
+        for side, whole_log in _by_side(fit.robot, joint, record).items():
+            response = whole_log.beginning(_SCREENED)
+            count = len(response.rows)
             noise = float(fit.residual[rows][:count].size)
             before, rival = (
                 max(float(np.sum(one.residual[rows][:count] ** 2)) - noise, 0.0)
@@ -95,9 +95,9 @@ def gears_beside(
             sought = fit is not known or not known.effects
             most = (_HOPELESS if sought else _PAIRED) * before
             most = _ALONE * before if rival < _KNOWN * before else most
-            whole = sum(_squares(r, np.zeros(len(r.load))) for r in responses)
-            for kind in _gears(kinds):
-                for unexplained, flanks in best_gears(responses, kind.has_play, _COUNT, trials.ask):
+            whole = _squares(response)
+            for kind in kinds:
+                for unexplained, flanks in best_gears(response, kind.has_play, _COUNT, trials.ask):
                     rest = max(before + float(unexplained - whole) / floor, 0.0)
                     if rest <= most:
                         gear = kind.having(joint, flanks).with_friction_at(side)
@@ -112,7 +112,7 @@ def _to_gain(problem: EstimationProblem, fit: Fit, left: FloatArray) -> float:
     return float(0.5 * samples @ np.log(np.maximum(left, 1.0)))
 
 
-def two_gears(trials: Trials, kinds: Sequence[type[Effect]]) -> list[Offer]:
+def two_gears(trials: Trials, kinds: Sequence[type[YieldingGear]]) -> list[Offer]:
     """Return two gears that yield at once, at least one of them loose: the best of every way first.
 
     Two links that move behind their gears shake one another, so that alone none of them explains
@@ -121,15 +121,14 @@ def two_gears(trials: Trials, kinds: Sequence[type[Effect]]) -> list[Offer]:
 
     Args:
         trials: on the logs.
-        kinds: effects that may be used.
+        kinds: gears that may be used.
 
     Raises:
         OutOfTime: there is none for all of them.
     """
     problem = trials.problem
     record, _ = _loudest(problem)
-    first = problem.residual @ problem.whitening
-    joints = _loudest_joints(problem, np.mean(first**2, axis=0))[:_JOINTS_OF_TWO]
+    joints = _loudest_joints(problem, problem.first)[:_JOINTS_OF_TWO]
     links = [link_response(problem.robot, record, joint) for joint, _ in joints]
     floors = np.array([problem.floor.values[output] for _, output in joints])
     ways: dict[tuple[type[YieldingGear], ...], list[tuple[float, Offer]]] = {}
@@ -161,7 +160,7 @@ def _cost(trials: Trials, record: Record, effects: Offer) -> float:
 
 
 def best_gears(
-    responses: Sequence[LinkResponse],
+    response: LinkResponse,
     has_play: bool,
     count: int,
     ask: Callable[[], None] = lambda: None,
@@ -174,16 +173,16 @@ def best_gears(
     empty. So it is where no link stays behind a gear.
 
     Args:
-        responses: of the joint, one per log.
+        response: of the joint, along a log.
         has_play: whether flanks with play are sought.
         count: how many to return.
         ask: called before each is tried; what it raises ends the grid.
     """
-    inertias = [r.inertia[:, r.row] for r in responses]
-    if min(float(inertia.min()) for inertia in inertias) <= 0.0:
+    inertia = response.inertia[:, response.row]
+    if inertia.min() <= 0.0:
         return []
-    typical = float(np.mean([np.mean(inertia) for inertia in inertias]))
-    load = max(float(np.abs(r.load[:, r.row]).max()) for r in responses)
+    typical = float(np.mean(inertia))
+    load = float(np.abs(response.load[:, response.row]).max())
     if has_play:
         flank = _swinging(typical, _FLANK, _FLANK_DAMPING)
         tried = [replace(flank, play=float(play)) for play in _PLAYS]
@@ -194,7 +193,7 @@ def best_gears(
 
     def left(gear: Flanks, rough: bool) -> float:
         ask()
-        return sum(float(_left([response], [gear], rough)[0]) for response in responses)
+        return float(_left([response], [gear], rough)[0])
 
     def try_all(gears: Sequence[Flanks]) -> list[Flanks]:
         """Return the best, followed fully, of all that were tried."""
@@ -205,7 +204,7 @@ def best_gears(
         return sorted(fully, key=lambda gear: fully[gear])
 
     best = try_all(tried)
-    whole = sum(_squares(r, np.zeros(len(r.load))) for r in responses)
+    whole = _squares(response)
     for factors in _NEAR_PLAYS if has_play else _NEAR_SPRINGS:
         if best and fully[best[0]] < _HOPELESS * whole:
             pairs = product(best[:_COUNT], product(*factors))
@@ -229,20 +228,18 @@ def _left(links: Sequence[LinkResponse], gears: Sequence[Flanks], rough: bool) -
     return np.array([_squares(response, torque[:, response.row]) for response in links])
 
 
-def _squares(response: LinkResponse, torque: np.ndarray) -> float:
-    return float(np.sum(response.left(torque) ** 2))
+def _squares(response: LinkResponse, torque: float | FloatArray = 0.0) -> float:
+    return float(np.sum(response.left(np.broadcast_to(torque, len(response.load))) ** 2))
 
 
-def _by_side(
-    robot: Robot, joint: str, records: Sequence[Record]
-) -> list[tuple[Side, tuple[LinkResponse, ...]]]:
-    """Return the sides on which the friction known at a joint may rub, with the link's responses.
+def _by_side(robot: Robot, joint: str, record: Record) -> dict[Side, LinkResponse]:
+    """Return the sides on which the friction known at a joint may rub, with the link's response.
 
-    They are those of a link without friction where it rubs at the motor.
+    It is that of a link without friction where it rubs at the motor.
     """
-    plain = tuple(link_response(robot, record, joint) for record in records)
-    rubbing = rubbing_responses(robot, records, joint)
-    return [("motor", plain), ("link", rubbing)] if rubbing else [("either", plain)]
+    plain = link_response(robot, record, joint)
+    rubbing = rubbing_responses(robot, [record], joint)
+    return {"motor": plain, "link": rubbing[0]} if rubbing else {"either": plain}
 
 
 def _loudest(problem: EstimationProblem) -> tuple[Record, slice]:
@@ -257,7 +254,7 @@ def _loudest(problem: EstimationProblem) -> tuple[Record, slice]:
     return record, slice(int(ends[most]) - record.rows, int(ends[most]))
 
 
-def _loudest_joints(problem: EstimationProblem, left: np.ndarray) -> list[tuple[str, int]]:
+def _loudest_joints(problem: EstimationProblem, left: FloatArray) -> list[tuple[str, int]]:
     """Return the judged joints with their outputs, by what (judged outputs,) is left there."""
     joints = problem.robot.transmission.joints
     judged = [k for k in problem.floor.judged.tolist() if k < len(joints)]
@@ -265,12 +262,8 @@ def _loudest_joints(problem: EstimationProblem, left: np.ndarray) -> list[tuple[
     return [(joints[judged[k]], judged[k]) for k in order]
 
 
-def _gears(kinds: Sequence[type[Effect]]) -> list[type[YieldingGear]]:
-    return [kind for kind in kinds if issubclass(kind, YieldingGear)]
-
-
 def _coarse(
-    link: LinkResponse, kinds: Sequence[type[Effect]]
+    link: LinkResponse, kinds: Sequence[type[YieldingGear]]
 ) -> list[tuple[type[YieldingGear], Flanks]]:
     """Return the gears to try in front of one of two links: their flanks go by what it weighs."""
     inertia = float(np.mean(link.inertia[:, link.row]))
@@ -279,7 +272,7 @@ def _coarse(
     swings = [_swinging(inertia, f, _FLANK_DAMPING) for f in _COARSE_SWINGS]
     flank = _swinging(inertia, _COARSE_FLANK, _FLANK_DAMPING)
     bounces = [replace(flank, play=play) for play in _COARSE]
-    offers = [(kind, f) for kind in _gears(kinds) for f in (bounces if kind.has_play else swings)]
+    offers = [(kind, f) for kind in kinds for f in (bounces if kind.has_play else swings)]
     # Behind a light wrist a gear that swings so slowly is softer than any.
     return [(kind, f) for kind, f in offers if f.stiffness >= _SOFTEST]
 
