@@ -32,10 +32,10 @@ from wbc.identification import diagnose
 from wbc.identification.choice import gears
 from wbc.identification.choice.candidate_columns import Regressor
 from wbc.identification.choice.drop_screen import until_null
+from wbc.identification.choice.evidence import implausible
 from wbc.identification.choice.gears import two_gears
 from wbc.identification.choice.linear_screen import LinearScreen, Subset, screen
 from wbc.identification.choice.plain_models import plain_fits
-from wbc.identification.choice.prior import implausible
 from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.search import Search
 from wbc.identification.choice.trials import Trials

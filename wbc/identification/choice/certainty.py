@@ -147,12 +147,12 @@ def support_of(
         explained: whether that is too little to ask for one cause more.
     """
     # How links move behind gears that yield is no linear matter.
-    gears = {k: without(final.effects, e) for k, e in enumerate(final.effects) if deflects(e)}
-    smaller = {k: trials.of(effects) for k, effects in gears.items()}
+    gears = [k for k, effect in enumerate(final.effects) if deflects(effect)]
+    smaller = {k: trials.of(without(final.effects, final.effects[k])) for k in gears}
     known = {k: h.outputs - final.outputs for k, h in smaller.items() if h is not None}
     each = _supports(trials, final, known, excess, explained)
     return {
-        effect.key: replace(one, odds=odds.of(effect.key), group=odds.of_any((effect.key, *rivals)))
+        effect.key: replace(one, odds=odds.of(effect.key), group=odds.of(effect.key, *rivals))
         for effect, one, rivals in zip(final.effects, each, odds.rivals(final), strict=True)
     }
 
@@ -178,7 +178,8 @@ def _supports(
     """
     problem, fit = trials.problem, trials.fit(h)
     alone = [(effect,) for effect in h.effects]
-    gained = [known.get(k, gain) for k, gain in enumerate(gains(problem, fit, alone))]
+    screened = gains(problem, fit, alone)
+    gained = [np.maximum(known.get(k, gain), 0.0) for k, gain in enumerate(screened)]
     places = [_place_of(problem, fit, effect) for effect in h.effects]
     first = np.maximum(trials.nothing.outputs, 1e-300)
     noise = np.maximum(h.outputs, 1.0) / (len(fit.residual) * h.samples)
@@ -187,20 +188,19 @@ def _supports(
         changes = (left - fit.residual for left in without_each(problem, fit, alone))
         untimely = [problem.untimely(change, noise) for change in changes]
     names = [effect.name for effect in h.effects]
-    pairs = [(name, np.maximum(gain, 0.0)) for name, gain in zip(names, gained, strict=True)]
-    tiny = [not unexplained(trials.nothing.error, h, excess + gain) for _, gain in pairs]
+    tiny = [not unexplained(trials.nothing.error, h, excess + gain) for gain in gained]
     several = len({name for name, is_tiny in zip(names, tiny, strict=True) if is_tiny}) > 1
     result = []
-    for k, (effect, (_, gain)) in enumerate(zip(h.effects, pairs, strict=True)):
-        share, alike = gain / first, names.count(effect.name)
-        small, left = several and tiny[k], excess
+    for k, (effect, gain) in enumerate(zip(h.effects, gained, strict=True)):
+        alike, small, left = names.count(effect.name), several and tiny[k], excess
         if small:
-            others = [g for n, g in pairs if n != effect.name and g.sum() > gain.sum()]
-            left = left + _MADE_UP**2 * np.sum([np.zeros_like(share), *others], axis=0)
+            pairs = zip(names, gained, strict=True)
+            others = [g for name, g in pairs if name != effect.name and g.sum() > gain.sum()]
+            left = left + _MADE_UP**2 * np.sum([np.zeros_like(first), *others], axis=0)
         support = Support(
             odds=1.0,
             group=1.0,
-            remainder=_remainder(share, left / first),
+            remainder=_remainder(gain / first, left / first),
             coverage=(alike - 1) * alike / len(problem.judged_joints),
             explained=explained and not small,
             expected=effect.search.expected,
@@ -316,11 +316,7 @@ class Odds:
         pairs = zip(self.hypotheses, self.shares, strict=True)
         return sum(share for h, share in pairs if not h.effects)
 
-    def of(self, key: Key) -> float:
-        """Return how probable a cause is: that of the hypotheses that hold it."""
-        return self.of_any((key,))
-
-    def of_any(self, keys: Sequence[Key]) -> float:
+    def of(self, *keys: Key) -> float:
         """Return how probable it is that one of some causes is there."""
         pairs = zip(self.hypotheses, self.shares, strict=True)
         return sum(share for h, share in pairs if not set(keys).isdisjoint(h.keys))

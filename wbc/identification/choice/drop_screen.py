@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.identification.choice.evidence import Hypothesis, fold_means, log_densities, without
-from wbc.identification.choice.prior import asked
+from wbc.identification.choice.evidence import Hypothesis, asked, fold_means, log_densities, without
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit, change_along, scaled
 from wbc.robot import Effect, Robot

@@ -10,8 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.gear_losses import JointCompliance, Side, YieldingGear
-from wbc.identification.choice.evidence import Offer
-from wbc.identification.choice.prior import LEAST_ASKED
+from wbc.identification.choice.evidence import LEAST_ASKED, Offer
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit

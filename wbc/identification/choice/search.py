@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 
 from wbc.identification.choice.certainty import doubted_names
 from wbc.identification.choice.drop_screen import losses
-from wbc.identification.choice.evidence import Hypothesis, Key, left_to_gain, without
+from wbc.identification.choice.evidence import LEAST_ASKED, Hypothesis, Key, left_to_gain, without
 from wbc.identification.choice.plain_models import plain_fits
-from wbc.identification.choice.prior import LEAST_ASKED
 from wbc.identification.choice.proposals import MISSED, Proposer
 from wbc.identification.model.columns import drawn
 from wbc.identification.model.yielding import deflects

@@ -12,8 +12,7 @@ import numpy as np
 
 from wbc.effects.drive import in_drive_order
 from wbc.errors import IdentificationError
-from wbc.identification.choice.evidence import Hypothesis, fold_means, weigh
-from wbc.identification.choice.prior import asked, implausible
+from wbc.identification.choice.evidence import Hypothesis, asked, fold_means, implausible, weigh
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import ITERATIONS, Fit
 from wbc.identification.model.residual import IMPOSSIBLE
