@@ -72,7 +72,7 @@ def test_steps_that_made_energy_or_passed_a_stop(seed: int, ground: str, soft: b
         assert made_by_rows(result) < 1e-9
         assert not [event for event in result.events if event.kind in ("energy", "overlap")]
         for part in result.parts:
-            assert part.end.gap[part.state.closed].min(initial=0.0) > -2e-6
+            assert part.end["gap"][part.state.closed].min(initial=0.0) > -2e-6
 
 
 def _drop(robot: Robot, base: str, restitution: float, rng: np.random.Generator):

@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.mechanics.kinematics import place
-from wbc.sim.setup import Setup
+from wbc.sim.setup import Setup, Survey
 from wbc.sim.step.books import KINETIC, MADE, NORMAL, TAKEN, TRAFFIC
 from wbc.sim.step.stages import Course, EnergyAudit, EnergyFlow, Flow, Impact
 from wbc.sim.step.tables import LENGTH, RETURN_SPEED, TOUCH, SimState
@@ -121,13 +121,13 @@ class StepResult:
     @property
     def mesh_torque(self) -> FloatArray:
         """T (m,) [N m] after each mesh, mean over the step, impacts excluded."""
-        passed = [part.end.mesh_impulse for part in self.parts]
+        passed = [part.end["mesh_impulse"] for part in self.parts]
         return np.asarray(reduce(add, passed) / self.duration)
 
     @property
     def rotor_torque(self) -> FloatArray:
         """(m,) [N m] that the drives delivered, mean over the step."""
-        pushes = [part.step * part.end.torque for part in self.parts]
+        pushes = [part.step * part.end["torque"] for part in self.parts]
         return np.asarray(reduce(add, pushes) / self.duration)
 
     @property
@@ -144,8 +144,8 @@ class StepResult:
     @cached_property
     def balance(self) -> EnergyAudit:
         """Work in, energy stored, losses, and what they do not close by."""
-        before, _, _ = self.setup.survey(self.start)
-        return EnergyAudit(self.energy, self._end[0] - before)
+        (before, _, _), (after, _, _) = self._surveys
+        return EnergyAudit(self.energy, after - before)
 
     @cached_property
     def events(self) -> tuple[StepEvent, ...]:
@@ -160,8 +160,8 @@ class StepResult:
 
     def _overlaps(self) -> Iterator[StepEvent]:
         for part in self.parts:
-            if (depth := float(part.end.depth.max(initial=0.0))) > 0.0:
-                worst = int(part.end.depth.argmax())
+            if (depth := float(part.end["depth"].max(initial=0.0))) > 0.0:
+                worst = int(part.end["depth"].argmax())
                 text = (
                     f"{self.setup.barriers.names[worst]} is {depth:.3g} m (rad) inside; it is "
                     f"taken back at {self.setup.plant.bounds[RETURN_SPEED]:g} m/s (rad/s)"
@@ -172,7 +172,7 @@ class StepResult:
         """Yield parts and impacts of whose losses one is negative beyond rounding."""
         found = []
         for part in self.parts:
-            books = part.end.books.tolist()
+            books = part.end["books"].tolist()
             losses = part.energy.losses | {"normal": -books[NORMAL]}
             cause = min(losses, key=lambda name: losses[name])
             play = books[KINETIC] + books[TRAFFIC]
@@ -187,7 +187,7 @@ class StepResult:
 
     def _sunk(self) -> Iterator[StepEvent]:
         """Yield the deepest joint under the ground at the end."""
-        setup, tree, (_, gap, lowest) = self.setup, self.setup.plant.tree, self._end
+        setup, tree, (_, (_, gap, lowest)) = self.setup, self.setup.plant.tree, self._surveys
         if not len(setup.plant.placed.bases) or not setup.robot.contacts:
             return
         if setup.plant.obstacles.asked:  # loops do not know all of the ground
@@ -197,7 +197,7 @@ class StepResult:
             gaps, _ = setup.terrain.gap(poses[links, 9:])
             gap, lowest = float(gaps.min()), int(links[np.argmin(gaps)])
         # Contacts may be as deep as a step leaves them.
-        if gap < -TOUCH and gap < -float(self.parts[-1].end.depth.max(initial=0.0)):
+        if gap < -TOUCH and gap < -float(self.parts[-1].end["depth"].max(initial=0.0)):
             text = (
                 f"joint '{setup.robot.joints[lowest]}' is {-gap:.3g} m under the ground: no "
                 "contact holds its link. Give the robot contacts there, or the link collision "
@@ -215,7 +215,7 @@ class StepResult:
                 yield StepEvent("unsettled", time, missed, text)
 
     def _coarse(self) -> Iterator[StepEvent]:
-        books, flow = [part.end.books.tolist() for part in self.parts], self.balance.flow
+        books, flow = [part.end["books"].tolist() for part in self.parts], self.balance.flow
         play = max(own[KINETIC] for own in books) + abs(flow.work) + flow.lost
         gain, taken = -self.balance.residual, sum(own[TAKEN] for own in books)
         if taken > 0.0 or gain > min(_COARSE * play, MADE * play + flow.lost) + 1e-9:
@@ -227,9 +227,9 @@ class StepResult:
             yield StepEvent("coarse", self.state.time, gain, text)
 
     @cached_property
-    def _end(self) -> tuple[float, float, int]:
-        """Energy that is stored at the end [J], and the deepest body, see `survey`."""
-        return self.setup.survey(self.state)
+    def _surveys(self) -> tuple[Survey, Survey]:
+        """Energy that is stored at the start and at the end [J], and deepest bodies."""
+        return self.setup.survey(self.start), self.setup.survey(self.state)
 
     @staticmethod
     def joined(results: Sequence[StepResult]) -> StepResult:

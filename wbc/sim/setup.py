@@ -35,6 +35,10 @@ EffectActs: TypeAlias = tuple[EffectMemory, tuple[Motion, ...]]
 """Of effects that act by hooks: their memory at the end of a part, and the motion that each saw."""
 
 
+Survey = tuple[float, float, int]
+"""Stored energy [J], the gap of the deepest body [m], and which that is."""
+
+
 class Drivetrain:
     """Gears of a robot as rows; all quantities at the motor outputs psi.
 
@@ -311,7 +315,7 @@ class Setup:
         self.heard()
         return gap
 
-    def survey(self, state: SimState) -> tuple[float, float, int]:
+    def survey(self, state: SimState) -> Survey:
         """Return what `survey` finds in a state."""
         self.tell_coupling(state.position, state.velocity)
         numbers = state.position, state.velocity, *self.drive.motion(state)

@@ -116,12 +116,12 @@ def made_by_rows(result: sim.StepResult) -> float:
         q, motor = one.state.position, drive.motion(one.state)[1]
         pairs.append((energy(q, one.before, motor), energy(q, one.after, drive.rows @ one.after)))
     for part in result.parts:
-        end, q, v = part.end, part.end.before, part.end.speed
+        end, q, v = part.end, part.end["before"], part.end["speed"]
         links, bias = inertia_at(q), pin.nonLinearEffects(model, data, q, v)
         bases_turn = (bias - pin.computeGeneralizedGravity(model, data, q))[b]
         bias = bias - links[:, b] @ np.linalg.solve(links[np.ix_(b, b)], bases_turn)
-        push = drive.rows.T @ np.where(drive.loose, end.mesh_impulse, 0.0)
-        free = v + np.linalg.solve(links, part.step * (end.force - bias) + push)
-        motor = drive.motion(part.start)[1] + ratio * part.step * end.torque / reflected
-        pairs.append((energy(q, free, motor), energy(q, end.after, end.motor_speed)))
+        push = drive.rows.T @ np.where(drive.loose, end["mesh_impulse"], 0.0)
+        free = v + np.linalg.solve(links, part.step * (end["force"] - bias) + push)
+        motor = drive.motion(part.start)[1] + ratio * part.step * end["torque"] / reflected
+        pairs.append((energy(q, free, motor), energy(q, end["after"], end["motor_speed"])))
     return max(((has - had) / (1e-3 + had) for had, has in pairs), default=-np.inf)

@@ -177,20 +177,20 @@ class Stage:
 
     @cached_property
     def end(self) -> Any:
-        """What `Ending` held at its end, as attributes."""
+        """What `Ending` held at its end, by the names of its fields."""
         setup = self.course.setup
         words = self.course.stages[self.stage, len(setup.plant.now.words) :]
-        return np.ndarray((), setup.end_kind, words).view(np.recarray)
+        return np.ndarray((), setup.end_kind, words)
 
     @property
     def contact_impulse(self) -> FloatArray:
         """(k, 3) [N s] on the robot, world axes."""
-        return np.asarray(self.end.pushes.reshape(-1, 3))
+        return np.asarray(self.end["pushes"].reshape(-1, 3))
 
     @property
     def missed(self) -> float:
         """Speed [m/s, rad/s] by which a passive end misses the laws, else zero."""
-        return float(self.end.work[MISSED])
+        return float(self.end["work"][MISSED])
 
 
 class Flow(Stage):
@@ -214,7 +214,7 @@ class Flow(Stage):
     @property
     def iterations(self) -> int:
         """Linear systems solved."""
-        return int(self.end.work[USED])
+        return int(self.end["work"][USED])
 
     @property
     def method(self) -> str:
@@ -223,7 +223,7 @@ class Flow(Stage):
         "passive" where friction gave way, "ranges" where self-locking gears were held to a range
         of their laws.
         """
-        return WAYS[int(self.end.work[WAY])]
+        return WAYS[int(self.end["work"][WAY])]
 
     @cached_property
     def energy(self) -> EnergyFlow:
@@ -232,9 +232,9 @@ class Flow(Stage):
         Effects that store energy of their own have lines of their own (`Effect.memory_energy`).
         """
         setup, step, external, end = self.course.setup, self.step, self.course.external, self.end
-        found, robot, drive = end.books.tolist(), setup.robot, setup.drive
+        found, robot, drive = end["books"].tolist(), setup.robot, setup.drive
         motor, stored, work, outer = found[books.MOTOR], EnergyFlow(), 0.0, 0.0
-        joint = end.force if external is None else end.force - external
+        joint = end["force"] if external is None else end["force"] - external
         _, seen = self.course.acts.get(self.stage, ((), ()))
         for effect, motion in zip(setup.hooks, seen, strict=True):
             own = effect.memory_energy(robot, motion)
@@ -244,10 +244,10 @@ class Flow(Stage):
             smooth, rotor = effect.joint_torque(robot, motion), effect.rotor_torque(robot, motion)
             joint = joint if smooth is None else joint - smooth
             if rotor is not None:
-                turned = 0.5 * step * (drive.motion(self.start)[1] + end.motor_speed)
+                turned = 0.5 * step * (drive.motion(self.start)[1] + end["motor_speed"])
                 motor -= float(rotor @ (drive.gears.gear_ratio * turned))
         if external is not None or setup.robot.effects:
-            mean = 0.5 * (end.speed + end.after)
+            mean = 0.5 * (end["speed"] + end["after"])
             work = float(step * (joint @ mean))
             outer = 0.0 if external is None else float(step * (external @ mean))
         losses = *found[books.MESH : books.CONTACT], 0.0, found[books.CONTACT]
@@ -276,27 +276,27 @@ class Impact(Stage):
     @property
     def after(self) -> FloatArray:
         """v (nv,) just after."""
-        return np.asarray(self.end.after)
+        return np.asarray(self.end["after"])
 
     @property
     def restitution(self) -> float:
         """Normal speed after over before; as much less than the plant's as it would make energy."""
-        return float(self.end.hit[impact.SHARE] * self.course.setup.plant.bounds[RESTITUTION])
+        return float(self.end["hit"][impact.SHARE] * self.course.setup.plant.bounds[RESTITUTION])
 
     @property
     def mesh_loss(self) -> float:
         """Energy lost in the gears [J]."""
-        return float(self.end.hit[impact.MESH])
+        return float(self.end["hit"][impact.MESH])
 
     @property
     def contact_loss(self) -> float:
         """Energy lost in the contacts [J]."""
-        return float(self.end.hit[impact.CONTACT])
+        return float(self.end["hit"][impact.CONTACT])
 
     @property
     def kinetic(self) -> float:
         """Energy before [J], of rotors included."""
-        return float(self.end.hit[impact.ENERGY])
+        return float(self.end["hit"][impact.ENERGY])
 
 
 def failure(setup: Setup, code: int, torque: FloatArray) -> SimulationError:
