@@ -17,8 +17,7 @@ from wbc.files import as_json
 from wbc.identification.answer.shown import plain, with_interval
 from wbc.identification.choice.plain_models import JOINTS
 from wbc.identification.model.columns import derivatives, inertial_columns
-from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.intervals import TAIL
+from wbc.identification.model.estimation_problem import TAIL, EstimationProblem
 from wbc.identification.model.residual import evaluate
 from wbc.identification.records.record import output_names, rows_per_sample
 from wbc.measurement import Log

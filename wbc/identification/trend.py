@@ -26,8 +26,7 @@ from wbc.files import as_json
 from wbc.identification.answer.diagnosis import Estimate
 from wbc.identification.answer.findings import estimates_of
 from wbc.identification.answer.shown import plain, with_deviation
-from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.intervals import TAIL
+from wbc.identification.model.estimation_problem import TAIL, EstimationProblem
 from wbc.identification.records.record import output_names, output_units
 from wbc.measurement import load_logs
 from wbc.parallel import Watch, run_jobs

@@ -7,9 +7,13 @@ from tests.moved import moved
 from wbc import load_robot
 from wbc.effects import Backlash, CenterOfMass, CoulombFriction, JointCompliance, ViscousFriction
 from wbc.identification import diagnose
-from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.estimation_problem import (
+    ALIKE,
+    DISTORTED,
+    EstimationProblem,
+    alike_shifts,
+)
 from wbc.identification.model.fit import Fit, UsualRows
-from wbc.identification.model.intervals import ALIKE, DISTORTED, alike_shifts
 from wbc.measurement import Log
 from wbc.robot import Parameter
 from wbc.sim.excitation import record_with

@@ -29,7 +29,6 @@ from wbc.identification.choice.find_causes import RIVALS
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.intervals import block_deviations
 from wbc.measurement import LogSource
 from wbc.robot import Effect, Robot
 from wbc.robot.effect import spoken
@@ -154,7 +153,7 @@ def rank_hypotheses(trials: Trials, odds: Odds, found: Hypothesis) -> tuple[Rank
             left -= rival
             fit = trials.fit(h, found)
             scales = [parameter.scale for _, parameter in fit.parameters]
-            deviations = block_deviations(fit, trials.problem.blocks) * scales
+            deviations = trials.problem.deviations(fit) * scales
             row = replace(row, covariance=deviations.T @ deviations)
         rows.append(row)
     return tuple(rows)
@@ -204,7 +203,7 @@ def correlation_of(problem: EstimationProblem, fit: Fit) -> Correlation:
     count = len(names)
     if count < 2 or np.unique(problem.blocks).size < _BLOCKS_PER_PARAMETER * count:
         return Correlation(names, np.zeros((0, 0)))
-    deviations = block_deviations(fit, problem.blocks)
+    deviations = problem.deviations(fit)
     size = np.linalg.norm(deviations, axis=0)
     moving = size > 0.0
     own = deviations[:, moving] / size[moving]

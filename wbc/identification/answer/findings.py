@@ -21,9 +21,8 @@ from wbc.identification.answer.model_to_use import Answer
 from wbc.identification.answer.shown import with_unit
 from wbc.identification.choice.evidence import Key
 from wbc.identification.choice.trials import Trials
-from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.estimation_problem import TAIL, EstimationProblem
 from wbc.identification.model.fit import Fit, beside_others, change_along, scaled, slope_of
-from wbc.identification.model.intervals import TAIL, block_deviations, interval_bounds
 from wbc.identification.model.yielding import rubbing_effects
 from wbc.identification.records.record import Record, rows_per_sample
 from wbc.robot import Effect, Quantity
@@ -113,7 +112,7 @@ def estimates_of(
     """
     found: list[dict[str, Estimate]] = [{} for _ in fit.effects]
     moved = problem.distortion(fit) if distortion is None else distortion
-    bounds = interval_bounds(fit, problem.blocks, moved)
+    bounds = problem.interval_bounds(fit, moved)
     for (k, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
         effect = fit.effects[k]
         null = effect.null_values(problem.robot, effect.where)
@@ -205,7 +204,7 @@ def quantities_of(
     slopes = np.stack(each, axis=-1)
     usual, known = fit.usual.jacobian[:, rows], beside_others(fit.known, rows)
     alone, after = _spread(usual.T @ usual, slopes), _spread(known, slopes)
-    apart = np.linalg.norm(block_deviations(fit, problem.blocks)[:, rows] @ slopes.T, axis=0)
+    apart = np.linalg.norm(problem.deviations(fit)[:, rows] @ slopes.T, axis=0)
     half = np.hypot(TAIL * np.hypot(apart, after), slopes @ distortion[rows])
     estimates = {
         name: Estimate(

@@ -12,17 +12,10 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.estimation_problem import ALIKE, DISTORTED, WIDER, EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.intervals import ALIKE, DISTORTED, WIDER
 from wbc.identification.model.residual import IMPOSSIBLE, drive_gains, drive_misses
-from wbc.identification.model.yielding import (
-    deflects,
-    loose,
-    plays,
-    some_deflect,
-    yielding_gears,
-)
+from wbc.identification.model.yielding import deflects, loose, plays, some_deflect
 from wbc.robot import Effect
 
 Key = tuple[str, str]
@@ -214,13 +207,12 @@ def _ends(problem: EstimationProblem, fit: Fit) -> list[float]:
 
 def _plays(problem: EstimationProblem, fit: Fit, effect: Effect) -> bool:
     """Whether a gear is no spring that is taken for play between soft flanks."""
-    gears = yielding_gears(fit.robot) if deflects(effect) else {}
-    gear = gears.get(effect.where)
+    gear = fit.robot.transmission.flanks(effect.where) if deflects(effect) else None
     if gear is None or gear.play == 0.0:
         return True
     row = problem.robot.velocity_index(effect.where)
-    loads = [record.load[:, row] for record in problem.records]
-    return plays(gear, max(float(np.max(np.abs(load))) for load in loads))
+    load = max(float(np.abs(record.load[:, row]).max()) for record in problem.records)
+    return plays(gear, load)
 
 
 def _wrong_mass(problem: EstimationProblem, effect: Effect) -> float:
@@ -228,8 +220,6 @@ def _wrong_mass(problem: EstimationProblem, effect: Effect) -> float:
 
     A rotor inertia at the first joint of an arm was tied with 400 kg beside its axis.
     """
-    if "change" not in effect.acts_by:
-        return 0.0
     try:
         robot = effect.change(problem.robot)
     except IMPOSSIBLE:

@@ -14,8 +14,7 @@ from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.search import Search
 from wbc.identification.choice.trials import OutOfTime, Trials
-from wbc.identification.model.estimation_problem import ONLY_NOISE, EstimationProblem
-from wbc.identification.model.intervals import DISTORTED
+from wbc.identification.model.estimation_problem import DISTORTED, ONLY_NOISE, EstimationProblem
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.preparation import REVERSAL
 from wbc.robot import Effect

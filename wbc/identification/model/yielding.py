@@ -90,15 +90,13 @@ class Rubbing:
 
 def rubbing_effects(robot: Robot, joint: str, motion: Motion) -> tuple[Effect, ...]:
     """Return the effects of a robot at a joint whose torque depends on the joint's speed."""
-    found = []
-    for effect in robot.effects:
-        if effect.where != joint or not effect.acts_by & {"joint_torque", "joint_friction"}:
-            continue
-        if "joint_friction" in effect.acts_by or np.any(
-            Rubbing.of(robot, [effect], joint, motion).slope
-        ):
-            found.append(effect)
-    return tuple(found)
+    here = [effect for effect in robot.effects if effect.where == joint]
+    return tuple(
+        effect
+        for effect in here
+        if "joint_friction" in effect.acts_by
+        or np.any(Rubbing.of(robot, [effect], joint, motion).slope)
+    )
 
 
 def rubbing_at_link(robot: Robot, joint: str, motion: Motion) -> tuple[Effect, ...]:
@@ -149,13 +147,10 @@ class LinkSide:
 
     def differs(self, other: LinkSide) -> bool:
         """Whether friction at the link changed by more than a share of the largest."""
-        for name in ("smooth", "level"):
-            one, before = getattr(self.link, name), getattr(other.link, name)
-            if name == "smooth":
-                before = before + other.link.slope * (self.link.velocity - other.link.velocity)
-            if np.abs(one - before).max() > _SAME * np.abs(one).max():
-                return True
-        return False
+        now, then = self.link, other.link
+        smooth = then.smooth + then.slope * (now.velocity - then.velocity)
+        pairs = ((now.smooth, smooth), (now.level, then.level))
+        return any(np.abs(a - b).max() > _SAME * np.abs(a).max() for a, b in pairs)
 
     def on(self, response: LinkResponse) -> LinkResponse:
         """Return the response of a link that rubs as well, its load with what is smooth of it."""
@@ -213,8 +208,8 @@ def swing(
     settled = _SETTLED_STRUCK if struck else _SETTLED
     load = record.links_of(robot) - record.contacts_of(robot)
     links = [record.response_of(robot, joint) for joint in gears]
-    rubbing = {joint: LinkSide.of(robot, joint, record.motion) for joint in gears}
-    sides = {joint: side for joint, side in rubbing.items() if side is not None}
+    rubbing = [(joint, LinkSide.of(robot, joint, record.motion)) for joint in gears]
+    sides = {joint: side for joint, side in rubbing if side is not None}
     beyond = np.zeros_like(load)
 
     def linear_at(bent: Deflections) -> tuple[FloatArray, dict[str, LinkSide]]:
@@ -289,9 +284,7 @@ def _moved(robot: Robot, record: Record, joints: Iterable[str], bent: Deflection
     """Return the motion of the links."""
     motion = record.motion
     position, velocity = np.array(motion.position), np.array(motion.velocity)
-    acceleration = np.zeros_like(velocity)
-    if motion.acceleration is not None:
-        acceleration += motion.acceleration
+    acceleration = np.array(motion.acceleration)
     for joint, deflection in zip(joints, bent.paths, strict=True):
         row = robot.velocity_index(joint)
         position[:, robot.position_index(joint)] += deflection[:, 0]
