@@ -97,11 +97,10 @@ def prepared_with_times(
     ways = [[free for free in chosen if (_LATE in free) == late] for late in (False, True)]
     known, loaded = _acting(robot, found)
     ends = [_repeated(robot, logs, records, has, way, known, loaded) for way in ways]
-    way = min(range(len(ways)), key=lambda k: ends[k][0])
-    _, robot, records, settled = ends[way]
-    if found or not (loaded := _loaded(records, followed, ways[way])):
+    (_, robot, records, settled), way = min(zip(ends, ways, strict=True), key=lambda end: end[0][0])
+    if found or not (loaded := _loaded(records, followed, way)):
         return robot, records, settled
-    return _repeated(robot, logs, records, has, ways[way], known, loaded)[1:]
+    return _repeated(robot, logs, records, has, way, known, loaded)[1:]
 
 
 def _acting(robot: Robot, found: Sequence[Effect]) -> tuple[list[Effect], list[int]]:
@@ -164,8 +163,8 @@ def _repeated(
     """
     times, followed = np.zeros(_TIMES), np.any(has, axis=1)
     for _ in range(_LINEARISED):
-        before, links = times, _of_links(records, loaded)
-        squares, _ = _normal_equations(records, followed, links, known)
+        before = times
+        squares, _ = _normal_equations(records, followed, loaded, known)
         cost, times = _cheapest(*squares, chosen)
         target, seen, lag = np.where(has, times, np.nan).T
         each = target + seen, seen, lag
@@ -189,7 +188,7 @@ def _loaded(
     each = [[], *([k] for k in range(len(records[0].robot.model.inertias) - 1))]
     costs = []
     for links in each:
-        squares, level = _normal_equations(records, followed, _of_links(records, links))
+        squares, level = _normal_equations(records, followed, links)
         costs.append(level + _cheapest(*squares, chosen)[0] + _LINK * len(links))
     return each[int(np.argmin(costs))]
 
@@ -227,7 +226,7 @@ def on_time(robot: Robot, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
             return list(logs), []
         missed = condensed_residual(links, records)[:, : told.size][:, told]
         left.append(np.mean(missed**2, axis=0) + 1e-300)
-        squares, _ = _normal_equations(records, told, _of_links(records, []))
+        squares, _ = _normal_equations(records, told)
         alone, together = (_cheapest(*squares, [free], -np.inf) for free in ([], [_WHOLE]))
         if not lag and alone[0] <= together[0]:
             return list(logs), []
@@ -273,10 +272,9 @@ def missed_by_times(robot: Robot, records: Sequence[Record]) -> FloatArray:
         robot: with times of its drives.
         records: of its links alone.
     """
-    together = np.sum(_made(robot, records) * _times_of(robot), axis=2)
-    missed = np.zeros(records[0].weight.shape[1])
-    missed[: together.shape[1]] = MISSED**2 * np.mean(together**2, axis=0)
-    return missed
+    made = _made(robot, records)
+    made[:, : robot.transmission.size] *= _times_of(robot)
+    return np.asarray(MISSED**2 * np.mean(np.sum(made, axis=2) ** 2, axis=0))
 
 
 def made_by_own_times(robot: Robot, records: Sequence[Record]) -> FloatArray:
@@ -288,20 +286,19 @@ def made_by_own_times(robot: Robot, records: Sequence[Record]) -> FloatArray:
     Args:
         robot, records: as above.
     """
-    made = _made(robot, records)
-    wide = np.zeros((records[0].weight.shape[1], len(made), _TIMES))
-    wide[: made.shape[1]] = np.moveaxis(
-        MISSED * made * (_times_of(robot) + 1.0 / records[0].rate), 1, 0
-    )
-    return wide
+    made = MISSED * _made(robot, records)
+    made[:, : robot.transmission.size] *= _times_of(robot) + 1.0 / records[0].rate
+    return np.moveaxis(made, 1, 0)
 
 
 def _made(robot: Robot, records: Sequence[Record]) -> FloatArray:
-    """Return (rows, m, 3) what a second more of each time makes; zero without a target."""
-    followed = np.isfinite(robot.transmission.target_delay)[:, None]
-    if not followed.any():
-        return np.zeros((sum(record.rows for record in records), followed.size, _TIMES))
-    return np.concatenate([_columns(record)[:, :, :_TIMES] for record in records]) * followed
+    """Return (rows, m + b, 3) what a second more of each time makes; zero without a target."""
+    followed = np.isfinite(robot.transmission.target_delay)
+    made = np.zeros((sum(r.rows for r in records), records[0].weight.shape[1], _TIMES))
+    if followed.any():
+        columns = np.concatenate([_columns(record)[:, :, :_TIMES] for record in records])
+        made[:, : followed.size] = columns * followed[:, None]
+    return made
 
 
 def _times_of(robot: Robot) -> FloatArray:
@@ -335,7 +332,7 @@ def _cheapest(
 def _normal_equations(
     records: Sequence[Record],
     followed: BoolArray,
-    links: FloatArray,
+    loaded: Sequence[int] = (),
     known: Sequence[Effect] = (),
 ) -> tuple[tuple[FloatArray, FloatArray], float]:
     """Return what every joint leaves with every choice of its own numbers.
@@ -343,7 +340,7 @@ def _normal_equations(
     Args:
         records: of the links alone.
         followed: (m,) the joints.
-        links: (rows, m + b, n) columns of links that need not be as drawn.
+        loaded: links that need not be as drawn, with n numbers together.
         known: causes that act.
 
     Returns:
@@ -353,7 +350,7 @@ def _normal_equations(
         (joints, choices, 4 + n) the viscous friction that each of these takes. Then half the
         logarithms of the variances, times samples [nats].
     """
-    robot = records[0].robot.with_effects(*known)
+    robot, links = records[0].robot.with_effects(*known), _of_links(records, loaded)
     size = robot.transmission.size
     left = [condensed_residual(robot, [record])[:, :size] for record in records]
     columns = [_columns(record) for record in records]
@@ -442,7 +439,8 @@ def _descended(
     price = 0.5 * (1 + lone) * (np.linalg.slogdet(told)[1] - np.sum(np.log(np.diag(usual)[paid])))
     for _ in range(_ROUNDS):
         gram = usual + sums[joints, own].sum(axis=0)
-        found[rows - 1] = _solved(gram[np.ix_(rows, rows)], gram[rows, 0])
+        alike, size = scaled(gram[np.ix_(rows, rows)])  # some columns may repeat others
+        found[rows - 1] = np.linalg.solve(alike, gram[rows, 0] / size) / size
         x = np.array([1.0, *-found])
         each = 0.5 * np.einsum("i,jcik,k->jc", x, sums, x) + _COSTS
         each[friction @ x < 0.0] = np.inf
@@ -453,9 +451,3 @@ def _descended(
     # A target is late by the sum of two: it may act before the drive sees its own motion.
     lowest = np.array([least - max(times[_WHOLE], least), least, least])
     return (cost if np.all(times >= lowest) else np.inf), np.maximum(times, lowest)
-
-
-def _solved(gram: FloatArray, moment: FloatArray) -> FloatArray:
-    """Return the solution of normal equations of which some columns may repeat others."""
-    known, size = scaled(gram)
-    return np.asarray(np.linalg.solve(known, moment / size) / size)
