@@ -63,8 +63,7 @@ def find_causes(
     """
     trials = Trials(problem)
     at_once = tuple(kind for kind in classes if not deflects(kind))
-    direct = Search(Proposer(trials, at_once), report)
-    direct.path.append(trials.nothing)
+    direct = Search(Proposer(trials, at_once), report, [trials.nothing])
     if not classes:
         return SearchResult(trials, trials.nothing)
     stopped = ""
@@ -189,33 +188,21 @@ def look_closer(
     # Where a link that is simulated strikes or swings through, it is simulated worst.
     if not slow or not explained or found.final.swings or found.stopped:
         return found
+    at_once = tuple(c for c in classes if not deflects(c))
     try:
-        near = found.trials.problem.nearer(_CLOSER * REVERSAL)
-        return _closer(found, near, classes, report)
+        near = Trials(found.trials.problem.nearer(_CLOSER * REVERSAL), found.trials.until)
+        start = near.of(found.final.effects)
+        if start is None:
+            return found
+        # A swap of what is known is no answer here.
+        begun = Search(Proposer(near, slow), report).lengthen(start)
+        if begun is start:
+            return found
+        final = Search(Proposer(near, at_once), report).climb(begun)
     except OutOfTime:
         return replace(found, stopped=_OVER)
     except KeyboardInterrupt:
         return replace(found, stopped=INTERRUPTED)
-
-
-def _closer(
-    found: SearchResult,
-    problem: EstimationProblem,
-    classes: Sequence[type[Effect]],
-    report: Callable[[str], None],
-) -> SearchResult:
-    slow = tuple(c for c in classes if c.search.near_rest)
-    near = Trials(problem, found.trials.until)
-    start = near.of(found.final.effects)
-    if start is None:
-        return found
-    begun = Search(Proposer(near, slow), report).lengthen(
-        start
-    )  # a swap of what is known is no answer here
-    if begun is start:
-        return found
-    at_once = tuple(kind for kind in classes if not deflects(kind))
-    final = Search(Proposer(near, at_once), report).climb(begun)
     known = set(found.final.keys)
     slowly = any(e.search.near_rest for e in final.effects if e.key not in known)
     return SearchResult(near, final) if slowly and known <= set(final.keys) else found

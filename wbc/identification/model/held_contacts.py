@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -27,7 +27,7 @@ class HeldContacts:
     Attributes:
         robot: as believed.
         records: one per log.
-        names: of the contacts.
+        holds: one per log: contact name -> (rows,) whether it holds.
         axes: numbers of the contacts' axes that can move.
         noise: (axes,) mean square [m^2] that the encoders' noise makes of what does not move.
         samples: (axes,) independent samples of all logs together.
@@ -36,7 +36,7 @@ class HeldContacts:
 
     robot: Robot
     records: tuple[Record, ...]
-    names: tuple[str, ...]
+    holds: tuple[Mapping[str, BoolArray], ...]
     axes: IntArray
     noise: FloatArray
     samples: FloatArray
@@ -48,7 +48,7 @@ class HeldContacts:
         if not robot.floating_size or not any(record.active for record in records):
             return None
         names = list(dict.fromkeys(name for record in records for name in record.active))
-        rows = [_rows(robot, record, names) for record in records]
+        rows = [(_position(robot, record), _holds(record, names)) for record in records]
         variances = [np.nan_to_num(r.noise.position) * r.bandwidth.kinematics for r in records]
         each = zip(rows, variances, strict=True)
         noise = np.concatenate([stray_noise(robot, *row, v) for row, v in each]).mean(axis=0)
@@ -57,9 +57,10 @@ class HeldContacts:
             return None
         parts = [strays(robot, *row)[:, axes] for row in rows]
         first = np.mean(np.concatenate(parts) ** 2, axis=0) / noise[axes]
-        held = np.concatenate([np.stack([*holds.values()], axis=1) for _, holds in rows])
+        holds = tuple(held for _, held in rows)
+        held = np.concatenate([np.stack([*each.values()], axis=1) for each in holds])
         samples = np.repeat(held.sum(axis=0), 3)[axes] / correlated_rows(parts, 1.0)
-        return cls(robot, tuple(records), tuple(names), axes, noise[axes], samples, first)
+        return cls(robot, tuple(records), holds, axes, noise[axes], samples, first)
 
     def evidence(self, fit: Fit, noise: FloatArray) -> float:
         """Return by how much a fit makes it more probable that contacts hold [nats].
@@ -115,22 +116,24 @@ class HeldContacts:
     def _strays(self, effects: Sequence[Effect]) -> FloatArray:
         """Return (rows, axes) what the contacts move by, over the deviation of noise."""
         robot = self.robot.with_effects(*effects)
-        parts = [strays(robot, *_rows(robot, record, self.names)) for record in self.records]
+        logs = zip(self.records, self.holds, strict=True)
+        parts = [strays(robot, _position(robot, record), holds) for record, holds in logs]
         return np.asarray(np.concatenate(parts)[:, self.axes] / np.sqrt(self.noise))
 
 
-def _rows(
-    robot: Robot, record: Record, names: Sequence[str]
-) -> tuple[FloatArray, dict[str, BoolArray]]:
-    """Return q (rows, nq) as the effects of a robot say it truly is, and when contacts hold."""
-    motion = record.motion_of(robot)
+def _position(robot: Robot, record: Record) -> FloatArray:
+    """Return q (rows, nq) as the effects of a robot say it truly is."""
+    return record.thinned(record.motion_of(robot).position)
+
+
+def _holds(record: Record, names: Sequence[str]) -> dict[str, BoolArray]:
+    """Return when (rows,) each contact holds in a log."""
     edge = 1 + int(record.rate / record.bandwidth.kinematics)
     none = np.zeros(len(record.torque), dtype=bool)
-    holds = {
+    return {
         name: record.thinned(settled(record.active.get(name, none), edge).astype(float)) > 0.5
         for name in names
     }
-    return record.thinned(motion.position), holds
 
 
 def _squares(ways: FloatArray) -> FloatArray:

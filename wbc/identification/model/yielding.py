@@ -49,12 +49,6 @@ def plays(flanks: Flanks, load: float) -> bool:
     return flanks.play * flanks.stiffness > _PLAY * load
 
 
-def yielding_gears(robot: Robot) -> dict[str, Flanks]:
-    """Return the gears of a robot, by joint, behind which its effects let the link stray."""
-    gears = robot.transmission
-    return {e.where: gears.flanks(e.where) for e in robot.effects if deflects(e)}
-
-
 @dataclass(frozen=True, eq=False)
 class Rubbing:
     """Friction of one joint along a motion.
@@ -72,9 +66,8 @@ class Rubbing:
     level: FloatArray
 
     @classmethod
-    def of(cls, robot: Robot, effects: Sequence[Effect], joint: str, motion: Motion) -> Rubbing:
-        """Return the friction that `effects` make at a joint, with derivatives along a motion."""
-        row = robot.velocity_index(joint)
+    def of(cls, robot: Robot, effects: Sequence[Effect], row: int, motion: Motion) -> Rubbing:
+        """Return the friction that `effects` make in a row of v, with derivatives."""
         velocity = np.asarray(motion.velocity[:, row])
         faster = motion.replace(velocity=motion.velocity + _FASTER * np.eye(robot.model.nv)[row])
         smooth, after, level = np.zeros((3, len(velocity)))
@@ -90,12 +83,14 @@ class Rubbing:
 
 def rubbing_effects(robot: Robot, joint: str, motion: Motion) -> tuple[Effect, ...]:
     """Return the effects of a robot at a joint whose torque depends on the joint's speed."""
-    here = [effect for effect in robot.effects if effect.where == joint]
     return tuple(
         effect
-        for effect in here
-        if "joint_friction" in effect.acts_by
-        or np.any(Rubbing.of(robot, [effect], joint, motion).slope)
+        for effect in robot.effects
+        if effect.where == joint
+        and (
+            "joint_friction" in effect.acts_by
+            or np.any(Rubbing.of(robot, [effect], robot.velocity_index(joint), motion).slope)
+        )
     )
 
 
@@ -112,14 +107,12 @@ class LinkSide:
     """Friction of one joint at its link: made linear where the link is thought to be.
 
     Attributes:
-        joint: name.
         row: of the joint in v.
         effects: that rub.
         motor: the friction at the motor's speed.
         link: the friction where the link was last.
     """
 
-    joint: str
     row: int
     effects: tuple[Effect, ...]
     motor: Rubbing
@@ -131,12 +124,13 @@ class LinkSide:
         effects = rubbing_at_link(robot, joint, motion)
         if not effects:
             return None
-        motor = Rubbing.of(robot, effects, joint, motion)
-        return cls(joint, robot.velocity_index(joint), effects, motor, motor)
+        row = robot.velocity_index(joint)
+        motor = Rubbing.of(robot, effects, row, motion)
+        return cls(row, effects, motor, motor)
 
     def at(self, robot: Robot, motion: Motion) -> LinkSide:
         """Return the same friction of a link that moves like this."""
-        return replace(self, link=Rubbing.of(robot, self.effects, self.joint, motion))
+        return replace(self, link=Rubbing.of(robot, self.effects, self.row, motion))
 
     @property
     def bend(self) -> FloatArray:
@@ -201,7 +195,7 @@ def swing(
     Raises:
         DynamicsError: a link flies off, so that this robot explains nothing.
     """
-    gears = yielding_gears(robot)
+    gears = {e.where: robot.transmission.flanks(e.where) for e in robot.effects if deflects(e)}
     struck = any(gear.play > 0.0 for gear in gears.values())
     rounds = _ROUNDS_STRUCK if struck else _ROUNDS
     rounds = 1 if straight or (struck and near is not None) else rounds
