@@ -148,7 +148,7 @@ STEP = 1e-3
 # found to 1.4 %.
 _ROUGH_STEP = 0.01
 _UNFELT = 1e-4  # share of its neighbours below which a parameter is left where it is
-_BATCH = 64  # columns filtered together; more only costs memory
+_BATCH = 16  # columns filtered together; more only costs memory
 # Slopes are differences by 1e-7 of the largest load: rounding leaves seven of their digits.
 _STEADY, _DIGITS = 1e-6, 6
 
