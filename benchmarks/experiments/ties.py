@@ -62,7 +62,6 @@ from wbc.identification.choice.certainty import TIED
 from wbc.identification.choice.evidence import weigh
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.intervals import parameter_covariance
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 
@@ -190,9 +189,12 @@ def tied(
         return (), ()
     kept = [h for h, score in zip(others, scores[2:], strict=True) if score > scores[0] - TIED]
     every = [true, *kept]
-    blocks = trials.problem.blocks
-    open_parts = tuple(parameter_covariance(trials.fit(h), blocks) for h in every)
-    return tuple(h.effects for h in every), open_parts
+    open_parts = []
+    for fit in map(trials.fit, every):
+        scales = [parameter.scale for _, parameter in fit.parameters]
+        deviations = trials.problem.deviations(fit) * scales
+        open_parts.append(deviations.T @ deviations)
+    return tuple(h.effects for h in every), tuple(open_parts)
 
 
 def margins(robot: Robot, logs: Sequence[Log], causes: Sequence[Cause]) -> list[float]:
