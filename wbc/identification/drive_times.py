@@ -293,12 +293,12 @@ def made_by_own_times(robot: Robot, records: Sequence[Record]) -> FloatArray:
 
 def _made(robot: Robot, records: Sequence[Record]) -> FloatArray:
     """Return (rows, m + b, 3) what a second more of each time makes; zero without a target."""
+    outputs = records[0].weight.shape[1]
     followed = np.isfinite(robot.transmission.target_delay)
-    made = np.zeros((sum(r.rows for r in records), records[0].weight.shape[1], _TIMES))
-    if followed.any():
-        columns = np.concatenate([_columns(record)[:, :, :_TIMES] for record in records])
-        made[:, : followed.size] = columns * followed[:, None]
-    return made
+    if not followed.any():
+        return np.zeros((sum(record.rows for record in records), outputs, _TIMES))
+    made = np.concatenate([_columns(record)[:, :, :_TIMES] for record in records])
+    return np.asarray(made * np.pad(followed, (0, outputs - followed.size))[:, None])
 
 
 def _times_of(robot: Robot) -> FloatArray:
@@ -352,14 +352,13 @@ def _normal_equations(
     """
     robot, links = records[0].robot.with_effects(*known), _of_links(records, loaded)
     size = robot.transmission.size
-    left = [condensed_residual(robot, [record])[:, :size] for record in records]
-    columns = [_columns(record) for record in records]
-    needed = [reported_torque(r)[:, :size] - own for r, own in zip(records, left, strict=True)]
-    residual, column, need = map(np.concatenate, (left, columns, needed))
+    residual = condensed_residual(robot, records)[:, :size]
+    need = np.concatenate([reported_torque(r) for r in records])[:, :size] - residual
+    column = np.concatenate([_columns(record)[:, :size] for record in records])
     for k, times in enumerate(_times_of(robot).T):
         residual += times * column[:, :, k]
     column = np.concatenate([column, need[..., None]], axis=2)
-    ends = np.cumsum([len(part) for part in left])[:-1]
+    ends = np.cumsum([record.rows for record in records])[:-1]
     sums, friction, level = [], [], 0.0
     shared = 1 + _TIMES + links.shape[2]
     for k in np.flatnonzero(followed).tolist():
@@ -383,7 +382,7 @@ def _normal_equations(
 
 
 def _columns(record: Record) -> FloatArray:
-    """Return (rows, m, 11) condensed columns of the times, friction, inertia, load and offset.
+    """Return (rows, m + b, 11) condensed columns of the times, friction, inertia, load and offset.
 
     What a gear loses is a share of what its links need: what the rotor needs does not pass it.
     Friction that builds up after a reversal is late by itself: on a generated arm it stood for a
@@ -407,7 +406,7 @@ def _columns(record: Record) -> FloatArray:
     each = late, whole, braking, velocity, acceleration, *dry
     wide = np.zeros((*record.weight.shape, len(each)))
     wide[:, : gears.size] = np.stack(each, axis=2)
-    return record.condense(wide)[:, : gears.size]
+    return record.condense(wide)
 
 
 def _without(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

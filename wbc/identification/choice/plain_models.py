@@ -32,7 +32,6 @@ FRICTION: tuple[type[Effect], ...] = (
 JOINTS: tuple[type[Effect], ...] = (*FRICTION, RotorInertia)
 """What the classic fit has at every joint beside the links."""
 
-
 _OF_JOINTS = 2  # plain fits that change neither links nor drives
 
 
@@ -76,8 +75,7 @@ def plain_fits(
     for part in parts if links else parts[:_OF_JOINTS]:
         if more := tuple(own for own in part if isinstance(own, tuple(classes))):
             start = (*start, *more)
-            last = fits[-1] if fits else None
-            ahead = [trials.of((*last.effects, *more), last)] if last else []
+            ahead = [trials.of((*last.effects, *more), last) for last in fits[-1:]]
             if tried := [h for h in (trials.of(start), *ahead) if h is not None]:
                 fits.append(without_idle(trials, min(tried, key=lambda h: h.error)))
                 if fits[-1].only_noise(problem):

@@ -73,32 +73,29 @@ class HeldContacts:
             fit: of the causes.
             noise: (outputs,) mean square of what a fit leaves over independent samples per row.
         """
-        slots = [
-            (row, k, parameter)
-            for row, (k, parameter) in enumerate(fit.parameters)
-            if "true" in fit.effects[k].acts_by
-        ]
-        if not slots or fit.failed:
+        zeros = [k for k, effect in enumerate(fit.effects) if "true" in effect.acts_by]
+        rows = [row for row, (k, _) in enumerate(fit.parameters) if k in zeros]
+        if not rows or fit.failed:
             return 0.0
         a = (fit.jacobian / np.sqrt(noise)[:, None]).reshape(-1, len(fit.parameters))
         usual = fit.usual.jacobian
-        known = beside_others(a.T @ a + usual.T @ usual, [row for row, _, _ in slots])
+        known = beside_others(a.T @ a + usual.T @ usual, rows)
 
         def at(change: FloatArray) -> FloatArray:
             """Return what the contacts move by with zeros changed, in units of their scales."""
-            steps = zip(slots, change.tolist(), strict=True)
-            changes = {(k, p.name): step * p.scale for (_, k, p), step in steps}
+            slots = zip([fit.parameters[row] for row in rows], change.tolist(), strict=True)
+            changes = {(k, p.name): step * p.scale for (k, p), step in slots}
             return self._strays(with_changes(fit.effects, changes, clip=True))
 
         def cost(ways: FloatArray, change: FloatArray) -> float:
             prior = float(change @ known @ change)
             return 0.5 * float(self.samples @ np.log(_squares(ways))) + 0.5 * prior
 
-        moved = np.zeros(len(slots))
+        moved = np.zeros(len(rows))
         ways = at(moved)
         best = cost(ways, moved)
         for _ in range(_STEPS):
-            columns = [(at(moved + STEP * unit) - ways) / STEP for unit in np.eye(len(slots))]
+            columns = [(at(moved + STEP * unit) - ways) / STEP for unit in np.eye(len(rows))]
             weight = np.sqrt(self.samples / _squares(ways) / len(ways))
             a = np.stack([(column * weight).ravel() for column in columns], axis=1)
             moment = a.T @ (ways * weight).ravel() + known @ moved
