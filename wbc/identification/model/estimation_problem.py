@@ -95,7 +95,7 @@ class EstimationProblem:
         floor: noise floor per output.
         folds: (rows,) held out together.
         blocks: (rows,) number of the block of every row, see `time_blocks`.
-        mistimed: (judged outputs,) mean squares in floors that the times of the drives may leave.
+        mistimed: (m + b,) mean squares in floors that the times of the drives may leave.
         warnings: about the logs.
         silent: joints whose drive reports no torque of the motion.
         still: driven joints that move in no log: stiction carries an unknown part of their load.
@@ -184,7 +184,7 @@ class EstimationProblem:
             floor=floor,
             folds=held_out_folds(records, floor.repeats),
             blocks=time_blocks(records),
-            mistimed=(missed_by_times(robot, records) / floor.values**2)[floor.judged],
+            mistimed=missed_by_times(robot, records) / floor.values**2,
             warnings=tuple(warnings),
             silent=silent,
             still=tuple(joint for joint in driven if joint in still),
@@ -285,7 +285,7 @@ class EstimationProblem:
         moved = np.hypot(other.values - fit.values, doubt * fit.values)
         if fit.swings:  # beside simulated links the evidence counts no likeness either
             return np.asarray(moved)
-        first = self.first + self.mistimed / DISTORTED**2
+        first = self.first + self.mistimed[self.floor.judged] / DISTORTED**2
         alike = TAIL * alike_shifts(fit, first, self.row_noise(fit.residual))
         return np.asarray(np.hypot(moved, alike))
 
@@ -409,7 +409,8 @@ class EstimationProblem:
         Args:
             share: of the first error (rms), that is distorted.
         """
-        return np.asarray(share**2 * np.maximum(self.first - 1.0, 0.0) + self.mistimed)
+        distorted = share**2 * np.maximum(self.first - 1.0, 0.0)
+        return np.asarray(distorted + self.mistimed[self.floor.judged])
 
     def untimely(self, change: FloatArray, noise: FloatArray) -> float:
         """Return the square of deviations at which drives' own times and noise make a change.
