@@ -18,7 +18,14 @@ from benchmarks.corpus.sensors import Sensors
 from benchmarks.corpus.trial import logs_of, robot_of, try_cases
 from benchmarks.corpus.truth import truth_of
 from benchmarks.corpus.verdicts import first_right, invented, judge_result
-from wbc.effects import effect_class
+from wbc.effects import (
+    ActuationDelay,
+    CoulombFriction,
+    SupplySag,
+    ViscousFriction,
+    effect_class,
+)
+from wbc.identification import diagnose
 from wbc.identification.model.estimation_problem import EstimationProblem
 
 SENSORS = Sensors(rate=250.0, position=1e-5, bits=18, velocity=1e-3, torque=0.002, force=0.2)
@@ -139,3 +146,14 @@ def test_laws_of_position_that_are_one_cable_together_are_not_certain(tmp_path: 
     assert [name for name, *_ in result["flaws"]] == ["one_sided_cable"]
     assert len(result["found"]) > 2
     assert max(entry["probability"] for entry in result["found"]) < 0.95
+
+
+def test_what_a_supply_lacks_is_no_delay_of_all_drives() -> None:
+    """It was taken out as a delay of all torques, and delays at all joints took that back."""
+    sag, kinds = Flaw("supply_sag", "robot", {"coefficient": 5e-5}), ("multisine", "fast")
+    case = case_of(sag, kinds=kinds, family="arm4")
+    logs = logs_of(record_cases([(case, case.excitations)])[0])
+    offered = [SupplySag, ActuationDelay, CoulombFriction, ViscousFriction]
+    found = diagnose(robot_of(case), logs, offered)
+    assert {finding.effect.name for finding in found.findings} == {"supply_sag"}
+    assert found.verdict == "named"

@@ -256,6 +256,16 @@ def test_one_table_stands_for_all_gears_and_a_joints_own_adds_to_it(tmp_path: Pa
     np.testing.assert_array_equal(gears.rotor_inertia, [1e-5] * 3)
 
 
+def test_the_drive_of_a_slide_has_gains_in_its_own_units(tmp_path: Path) -> None:
+    given = shutil.copytree(robots_directory() / "emps", tmp_path / "emps") / "robot.toml"
+    gains = """kp = { value = 4e5, unit = "N/m", source = "set" }
+kd = { value = 3e3, unit = "N s/m", source = "set" }
+"""
+    given.write_text(given.read_text() + gains)
+    gears = load_robot(given).transmission
+    assert (gears.position_gain[0], gears.velocity_gain[0]) == (4e5, 3e3)
+
+
 def test_a_closed_chain_is_refused_by_controller_and_plant_unless_cut(tmp_path: Path) -> None:
     robot = load_robot(described(tmp_path, HEAD + EVERY, LOOP))
     for make in (lambda: Controller(robot, [PostureTask.of(robot)]), lambda: Plant(robot)):

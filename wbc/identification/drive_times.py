@@ -203,17 +203,27 @@ def _of_links(records: Sequence[Record], links: Sequence[int]) -> FloatArray:
     return inertial_columns(robot, records, [None] * len(records), own)
 
 
-def on_time(robot: Robot, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
+def on_time(
+    robot: Robot, logs: Sequence[Log], found: Sequence[Effect] = ()
+) -> tuple[list[Log], list[str]]:
     """Return logs without the delay that all reported torques share, and what that took out.
 
     A bus or another clock makes them late, all alike, and the moment at which drives sample makes
     them early or late. On a sound arm, simulated, 5 ms were a drag at each of four joints. A delay
-    of one joint is a cause, and one with which the robot misses more is none.
+    of one joint is a cause, and one with which the robot misses more is none. What a supply lacks
+    follows the motion, too: on two arms of another simulator it was taken for a delay, and delays
+    at all joints took that back. So delays at several joints are a reason to ask again, beside all
+    other causes.
 
     Args:
         robot: the robot that the user believes in.
         logs: of it.
+        found: causes, if any are known.
     """
+    known = [effect for effect in found if not isinstance(effect, _STAND_INS)]
+    late = sum(isinstance(effect, ActuationDelay) for effect in found)
+    if found and (not known or late < _AGREEING):
+        return list(logs), []
     links, lag, moved = robot.without_effects().lossless(), 0.0, list(logs)
     delays = [effect.where for effect in robot.effects if effect.name == ActuationDelay.name]
     left: list[FloatArray] = []
@@ -224,9 +234,10 @@ def on_time(robot: Robot, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
         told &= ~np.isin(robot.transmission.joints, delays)
         if np.count_nonzero(told) < _AGREEING:
             return list(logs), []
-        missed = condensed_residual(links, records)[:, : told.size][:, told]
+        missed = condensed_residual(links.with_effects(*known), records)
+        missed = missed[:, : told.size][:, told]
         left.append(np.mean(missed**2, axis=0) + 1e-300)
-        squares, _ = _normal_equations(records, told)
+        squares, _ = _normal_equations(records, told, known=known)
         alone, together = (_cheapest(*squares, [free], -np.inf) for free in ([], [_WHOLE]))
         if not lag and alone[0] <= together[0]:
             return list(logs), []
@@ -238,8 +249,8 @@ def on_time(robot: Robot, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
     if np.sum(np.log(left[-1] / left[0])) >= 0.0:
         return list(logs), []
     side = "behind" if lag > 0.0 else "ahead of"
-    said = f"All torques are {1e3 * abs(lag):.1f} ms {side} the motion. That is taken out."
-    return moved, [said]
+    said = f"torques are {1e3 * abs(lag):.1f} ms {side} the motion. That is taken out."
+    return moved, [f"Beside the causes found, all {said}" if known else f"All {said}"]
 
 
 def _torques(log: Log) -> list[str]:

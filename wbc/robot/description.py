@@ -420,7 +420,9 @@ _SI = (
     "V|A|m/s^2"
 )
 SI_UNITS: dict[str, tuple[str, float]] = {unit: (unit, 1.0) for unit in _SI.split("|")} | {
-    "rad/m": ("1", 1.0),  # of a slide's gear
+    "rad/m": ("1", 1.0),  # of a slide's gear ...
+    "N/m": ("N m/rad", 1.0),  # ... and of its drive
+    "N s/m": ("N m s/rad", 1.0),
     "mm": ("m", 1e-3),
     "deg": ("rad", pi / 180.0),
     "arcmin": ("rad", pi / 10800.0),

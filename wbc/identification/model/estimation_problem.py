@@ -150,6 +150,10 @@ class EstimationProblem:
             found: the causes.
         """
         given = given.with_torque_sensors(self.robot.torque_sensors)
+        logs, behind = on_time(given, self.logs, found)
+        if behind:
+            prepared = prepare(self.robot.without_effects().lossless(), logs)
+            return self._of(self.robot, logs, prepared, [*self.warnings, *behind])
         differing = differing_times(given, self.robot, self.logs, found)
         if differing is None:
             return None
