@@ -103,12 +103,12 @@ class Ranged:
     """Base of dataclasses whose numbers say what they must be (`must`); None may be anywhere.
 
     Attributes:
-        told: what messages begin with; it and rules are formatted with the object.
-        raised: class of the error.
+        _told: what messages begin with; it and rules are formatted with the object.
+        _raised: class of the error.
     """
 
-    told: ClassVar[str]
-    raised: ClassVar[type[WbcError]]
+    _told: ClassVar[str]
+    _raised: ClassVar[type[WbcError]]
 
     def __post_init__(self) -> None:
         """Raise an error unless every number is where it must be."""
@@ -121,8 +121,8 @@ class Ranged:
             for condition in conditions.split(" and ") if given is not None else ():
                 sign, end, *_ = condition.split()
                 if not np.all(_COMPARE[sign](given, float(end))):
-                    told = self.told.format(self)
-                    raise self.raised(f"{told}{name} must be {conditions}, got {given}.")
+                    told = self._told.format(self)
+                    raise self._raised(f"{told}{name} must be {conditions}, got {given}.")
 
 
 class Remade:

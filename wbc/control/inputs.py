@@ -57,7 +57,7 @@ class State(Protocol):
 class Checked(Ranged):
     """Base of what a controller is told, of which a wrong number is a ControlError."""
 
-    raised = ControlError
+    _raised = ControlError
 
 
 Complaint = tuple[Status, str]

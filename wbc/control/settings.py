@@ -55,7 +55,7 @@ class SpeedBlend(Checked):
     correction: float = field(default=30.0, metadata=must(">= 0 and < inf"))
     trusted_error: float = field(default=0.25, metadata=must(">= 0 and < inf"))
 
-    told = "speed blend: "
+    _told = "speed blend: "
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class DisturbanceObserver(Checked):
     rate: float = field(default=2.0, metadata=must("> 0 1/s and < inf"))
     bound: float | FloatArray = field(default=1.0, metadata=must(">= 0 and < inf"))
 
-    told = "disturbance observer: "
+    _told = "disturbance observer: "
 
     def bounds(self, nv: int) -> FloatArray:
         """Return the bound of every coordinate (nv,).
@@ -119,7 +119,7 @@ class LetDown(Checked):
     lowering: float = field(default=3.0, metadata=must("> 0 s"))
     rate: float = field(default=50.0, metadata=must(">= 0 1/s and < inf"))
 
-    told = "let down: "
+    _told = "let down: "
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ class ControllerSettings(Checked):
     disturbance: DisturbanceObserver | None = None
     state_hook: Callable[[Any], State] | None = None
 
-    told = "setting "
+    _told = "setting "
 
     def __post_init__(self) -> None:
         """Check time step, solver and ranges."""

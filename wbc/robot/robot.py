@@ -38,7 +38,7 @@ class ContactPoint(Remade, Ranged):
     friction: float = field(default=0.7, metadata=must(">= 0"))
     radius: float = field(default=0.0, metadata=must(">= 0 and < inf"))
 
-    told, raised = "contact '{0.name}': ", RobotError
+    _told, _raised = "contact '{0.name}': ", RobotError
 
     def __post_init__(self) -> None:
         """Check and freeze."""
@@ -112,7 +112,7 @@ class BodySurface(Ranged):
     pairs: tuple[tuple[str, str], ...] = ()
     solids: tuple[LinkSolid, ...] = ()
 
-    told, raised = "bodies: ", RobotError
+    _told, _raised = "bodies: ", RobotError
 
 
 class RotorMounting(NamedTuple):

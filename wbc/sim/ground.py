@@ -154,7 +154,7 @@ class Sphere(Ranged, Solid):
     center: FloatArray
     radius: float = field(metadata=must("> 0 m"))
 
-    told, raised = "sphere: ", SimulationError
+    _told, _raised = "sphere: ", SimulationError
 
     def __post_init__(self) -> None:
         """Check and freeze."""

@@ -41,7 +41,7 @@ class HuntCrossley(Ranged):
     stiffness: float = field(metadata=must("> 0 N/m^(3/2) and < inf"))
     dissipation: float = field(default=0.0, metadata=must(">= 0 s/m and < inf"))
 
-    told, raised = "compliant contacts: ", SimulationError
+    _told, _raised = "compliant contacts: ", SimulationError
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ class Plant(Ranged):
     contacts: tuple[ContactPoint, ...] = field(init=False, repr=False)
     _setup: Setup = field(init=False, repr=False)
 
-    told, raised = "plant: ", SimulationError
+    _told, _raised = "plant: ", SimulationError
 
     def __post_init__(self) -> None:
         """Prepare what does not change from step to step."""

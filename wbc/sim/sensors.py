@@ -30,7 +30,7 @@ class Sensor(Ranged):
     bias: float = field(default=0.0, metadata=must("> -inf and < inf"))
     delay: float = field(default=0.0, metadata=must(">= 0 and < inf"))
 
-    told, raised = "sensor ", SimulationError
+    _told, _raised = "sensor ", SimulationError
 
     def read(self, time: FloatArray, values: FloatArray, random: np.random.Generator) -> FloatArray:
         """Return what the sensor reports for true values (N,) at times (N,) [s].
@@ -64,7 +64,7 @@ class SensorModel(Ranged):
     force: Sensor = field(default_factory=Sensor)
     every: int = field(default=1, metadata=must(">= 1"))
 
-    told, raised = "sensors: ", SimulationError
+    _told, _raised = "sensors: ", SimulationError
 
     def measure(self, robot: Robot, recording: Log, seed: int) -> Log:
         """Return the log that these sensors make of a recording; same seed, same bits.

@@ -73,7 +73,7 @@ class DcDrive(Ranged):
     heating: float = field(default=0.0, metadata=must(">= 0"))
     cooling: float = field(default=0.0, metadata=must(">= 0"))
 
-    told, raised = "DC drive: ", RobotError
+    _told, _raised = "DC drive: ", RobotError
 
 
 def winding_current(

@@ -176,7 +176,7 @@ class WedgeBlock(Ranged):
     slope: float
     friction: float = field(metadata=must(">= 0 and < inf"))
 
-    told, raised = "", TransmissionError
+    _told, _raised = "", TransmissionError
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -256,7 +256,7 @@ class CompoundPlanetaryGear(Ranged):
     sun_ratio: float = field(metadata=must("> 1 and < inf"))
     ring_ratio: float = field(metadata=must("> 0 and < 1"))
 
-    told, raised = "", TransmissionError
+    _told, _raised = "", TransmissionError
 
     @classmethod
     def of_reduction(cls, reduction: float, sun_ratio: float) -> CompoundPlanetaryGear:

@@ -74,7 +74,7 @@ class CollisionLimit(Checked):
     rate: float = field(default=10.0, metadata=must("> 0 1/s and < inf"))
     influence: float = 0.3
 
-    told = "collision limit: "
+    _told = "collision limit: "
 
     def __post_init__(self) -> None:
         """Check names and ranges."""

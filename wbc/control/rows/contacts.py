@@ -46,7 +46,7 @@ class Contact(Checked, ABC):
     normal_maximum: float = np.inf
     damping: float = field(default=10.0, metadata=must(">= 0 and < inf"))
 
-    told = "contact '{0.name}': "
+    _told = "contact '{0.name}': "
 
     @abstractmethod
     def bind(self, robot: Robot) -> BoundContact:
@@ -448,7 +448,7 @@ class ContactSchedule(Checked):
     offsets: Mapping[str, float]
     duty: float = field(default=0.5, metadata=must("> 0 and <= 1"))
 
-    told = "contact schedule: "
+    _told = "contact schedule: "
 
     def __post_init__(self) -> None:
         """Check the ranges."""

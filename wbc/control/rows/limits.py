@@ -37,7 +37,7 @@ class RotorTorqueLimit(Checked):
     fraction: float = field(default=1.0, metadata=must("> 0 and <= 1"))
     knee: float | None = field(default=None, metadata=must(">= 0 and < 1"))
 
-    told = "rotor torque limit: "
+    _told = "rotor torque limit: "
 
     def bounds(self, robot: Robot, rotor_speed: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the least and greatest rotor torque (m,) [N m] at these rotor speeds."""
@@ -221,7 +221,7 @@ class Effort(Checked):
     name: str
     weight: float = field(metadata=must(">= 0 and < inf"))
 
-    told = "effort '{0.name}': "
+    _told = "effort '{0.name}': "
     of_rotors: ClassVar[bool] = False
 
     def weights(self, robot: Robot) -> FloatArray:

@@ -74,7 +74,7 @@ class Task(Checked, ABC):
     acceleration_limit: float = field(default=np.inf, metadata=must("> 0"))
     level: int = 0
 
-    told = "task '{0.name}': "
+    _told = "task '{0.name}': "
 
     def __post_init__(self) -> None:
         """Check gains and weights."""
