@@ -46,7 +46,7 @@ _TIMES = len(DRIVE_TIMES)
 # held targets and filtered velocities, rotor inertias of 1.5 and 5 % of it were left.
 MISSED = 0.05
 # They may be what the shared times of drives are, and stay out where these are estimated anew.
-_STAND_INS = (ActuationDelay, RotorInertia, ViscousFriction, RotorViscousFriction)
+STAND_INS = (ActuationDelay, RotorInertia, ViscousFriction, RotorViscousFriction)
 _LATE, _WHOLE, _LAG, _VISCOUS, _INERTIA, _DRY = range(6)  # of a joint's columns
 _OWN = tuple(
     (*late, *few)
@@ -61,7 +61,7 @@ _ROUNDS = 20
 # For the ten numbers of a link. On 18 sets of logs of another simulator a payload is worth 910 nats
 # or more, a link that is as drawn 232 or less; where one is taken in vain the times stay.
 _LINK = 10.0 * _PRICE
-_AGREEING = 3  # joints that agree on a delay: two may by chance
+AGREEING = 3  # joints that agree on a delay: two may by chance
 # Logs are made ready anew with each estimate, until it repeats. After two rounds the delay of an
 # arm of another simulator was off by .11 of 6.36 ms, which made a fourth of what was left; each
 # round more leaves a third of that.
@@ -133,10 +133,9 @@ def differing_times(
         logs: as above.
         found: the causes.
     """
-    kept = [effect for effect in found if not isinstance(effect, _STAND_INS)]
-    if not kept or _states_times(given) or not np.any(_times_of(robot)):
+    if _states_times(given) or not np.any(_times_of(robot)):
         return None
-    other, records, settled = prepared_with_times(given, logs, kept)
+    other, records, settled = prepared_with_times(given, logs, found)
     before, after = _times_of(robot), _times_of(other)
     moved = np.max(np.abs(after - before)) > MISSED * np.max(before)
     return (other, records) if settled and moved else None
@@ -204,7 +203,7 @@ def _of_links(records: Sequence[Record], links: Sequence[int]) -> FloatArray:
 
 
 def on_time(
-    robot: Robot, logs: Sequence[Log], found: Sequence[Effect] = ()
+    robot: Robot, logs: Sequence[Log], known: Sequence[Effect] = ()
 ) -> tuple[list[Log], list[str]]:
     """Return logs without the delay that all reported torques share, and what that took out.
 
@@ -212,18 +211,13 @@ def on_time(
     them early or late. On a sound arm, simulated, 5 ms were a drag at each of four joints. A delay
     of one joint is a cause, and one with which the robot misses more is none. What a supply lacks
     follows the motion, too: on two arms of another simulator it was taken for a delay, and delays
-    at all joints took that back. So delays at several joints are a reason to ask again, beside all
-    other causes.
+    at all joints took that back.
 
     Args:
         robot: the robot that the user believes in.
         logs: of it.
-        found: causes, if any are known.
+        known: causes beside the delay, if any are known.
     """
-    known = [effect for effect in found if not isinstance(effect, _STAND_INS)]
-    late = sum(isinstance(effect, ActuationDelay) for effect in found)
-    if found and (not known or late < _AGREEING):
-        return list(logs), []
     links, lag, moved = robot.without_effects().lossless(), 0.0, list(logs)
     delays = [effect.where for effect in robot.effects if effect.name == ActuationDelay.name]
     left: list[FloatArray] = []
@@ -232,7 +226,7 @@ def on_time(
         told = np.all([record.reported for record in records], axis=0)
         told &= ~np.any([record.followed for record in records], axis=0)
         told &= ~np.isin(robot.transmission.joints, delays)
-        if np.count_nonzero(told) < _AGREEING:
+        if np.count_nonzero(told) < AGREEING:
             return list(logs), []
         missed = condensed_residual(links.with_effects(*known), records)
         missed = missed[:, : told.size][:, told]

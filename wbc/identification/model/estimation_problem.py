@@ -10,9 +10,12 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
+from wbc.effects.drive import ActuationDelay
 from wbc.effects.gear_losses import Side, YieldingGear
 from wbc.identification.drive_times import (
+    AGREEING,
     MISSED,
+    STAND_INS,
     about_drive_times,
     differing_times,
     made_by_own_times,
@@ -150,11 +153,15 @@ class EstimationProblem:
             found: the causes.
         """
         given = given.with_torque_sensors(self.robot.torque_sensors)
-        logs, behind = on_time(given, self.logs, found)
-        if behind:
-            prepared = prepare(self.robot.without_effects().lossless(), logs)
-            return self._of(self.robot, logs, prepared, [*self.warnings, *behind])
-        differing = differing_times(given, self.robot, self.logs, found)
+        kept = [effect for effect in found if not isinstance(effect, STAND_INS)]
+        if not kept:
+            return None
+        if sum(isinstance(effect, ActuationDelay) for effect in found) >= AGREEING:
+            logs, behind = on_time(given, self.logs, kept)
+            if behind:  # delays at several joints took back what is none of all torques
+                prepared = prepare(self.robot.without_effects().lossless(), logs)
+                return self._of(self.robot, logs, prepared, [*self.warnings, *behind])
+        differing = differing_times(given, self.robot, self.logs, kept)
         if differing is None:
             return None
         robot, prepared = differing
