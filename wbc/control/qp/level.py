@@ -535,11 +535,10 @@ class Levels:
         if self._settled and wanted == self._wanted:
             return self._last
         ramp, names = self._ramp, self._all
-        asked = dict.fromkeys(names, np.inf) if wanted is None else wanted
-        asked = {name: asked[name] for name in names if asked.get(name, 0.0) > 0.0}
-        ceilings: Mapping[str, float] = asked
-        if ramp is not None:
-            ceilings = ramp.step(asked, dt, at_once=self._fresh)
+        asked: Mapping[str, float] = dict.fromkeys(names, np.inf)
+        if wanted is not None:
+            asked = {name: wanted[name] for name in names if wanted.get(name, 0.0) > 0.0}
+        ceilings = asked if ramp is None else ramp.step(asked, dt, at_once=self._fresh)
         self._fresh, self._settled = False, ceilings == asked
         self._wanted = None if wanted is None else dict(wanted)
         self._last = self._of(tuple(ceilings)), ceilings

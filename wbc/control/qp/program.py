@@ -280,6 +280,7 @@ class Program:
         starts = [self.at[PART.by_gear].start + m * row for row in range(len(GEAR))]
         self.rows = [slice(start, start + m) for start in starts]
         self._lay_out_rows(cost, most, rank, ends)
+        self._bounded = [bound.contact for bound in contacts.contacts]
         self._ceilings: Mapping[str, float] | None = None
         room = max(most + self.n, self.bounds, above)
         sizes = {"a": above, "n": self.n, "k": room, "r": self.bounds}
@@ -347,12 +348,12 @@ class Program:
         """Take the greatest normal forces of a tick [N], and the distances of solids."""
         memory, apart = self.memory, self.recipe.collision
         memory.counts[COUNT.hard] = self.unlocked
-        if ceilings is not self._ceilings:  # a low ceiling lowers the floor
-            given = [ceilings[contact.name] for contact in self.contacts.contacts]
-            top = np.minimum(self.contacts.normal_maximum, given)
-            least = np.minimum(self.contacts.normal_minimum, top)
-            memory.stated_lower[self.normal] = least / self.force_scale
-            memory.stated_upper[self.normal] = np.minimum(top / self.force_scale, INFINITE)
+        if ceilings is not self._ceilings:
+            lower, upper, scale = memory.stated_lower, memory.stated_upper, self.force_scale
+            for row, contact in enumerate(self._bounded, self.normal.start):
+                top = min(contact.normal_maximum, ceilings[contact.name])
+                upper[row] = min(top / scale, INFINITE)
+                lower[row] = min(contact.normal_minimum, top) / scale  # a low ceiling lowers it
             self._ceilings = ceilings
         if apart is not None:
             memory.solver.C[self.distance, : self.nv] = apart.rows

@@ -349,8 +349,6 @@ class ContactSet:
         labels = [(contact.name, *label) for contact in contacts for label in contact.labels]
         self.cone_labels = [(f"{name}: {face}", unit) for name, face, unit in labels]
         self.load_share = self.normals.sum(axis=0) / max(len(contacts), 1)
-        self.normal_minimum = np.array([c.contact.normal_minimum for c in contacts])
-        self.normal_maximum = np.array([c.contact.normal_maximum for c in contacts])
 
     def fill(self, kinematics: Kinematics) -> None:
         """Evaluate the rows at the present state."""
