@@ -338,7 +338,8 @@ class Level:
                 continue
             if node is guess or best is None:
                 nodes = []
-                if contested(memory, solution.z, node, decided, sides):
+                more = self._may_begin(_SEARCHED * self._most)
+                if more and contested(memory, solution.z, node, decided, sides):
                     nodes = _turned(decided, sides, -np.inf, taken.copy())
                     wrong = (sides != 0) & ((self.output > 0.0) != (sides > 0))
                     if wrong.any():
