@@ -26,6 +26,7 @@ _SOMEWHERE = ln(0.01)
 _RARE = ln(0.003)
 LAGS = (0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.15)
 """Of torques behind the motion [s], one digit each; joints and logs differ in the next."""
+_USUAL_LAG = 0.03  # [s] of a bus or a filter, half a period of the motion is none: a judgement
 Zero: TypeAlias = tuple[int, float, float]
 
 # How far turning joints travel in a log [rad]: 32 joints of seven recorded robots have a median of
@@ -190,7 +191,7 @@ def delays(rows: LogRows, doubtful: bool) -> Iterator[list[Reading]]:
             _mended(
                 "torque_late",
                 f"{listed(names)} {lags} by {1e3 * lag:.0f} ms: a delay, or a low-pass as long",
-                _SOMEWHERE,
+                _SOMEWHERE - lag / _USUAL_LAG,
                 {name: {"lag": lag} for name in names},
             )
             for lag in LAGS
