@@ -16,7 +16,7 @@ from tests.columns import Columns, read_columns, write_columns
 from tests.conftest import Told
 from tests.outside import outside
 from wbc import load_robot
-from wbc.identification.readings.checks import told_by_rows
+from wbc.identification.readings.mistakes import told_by_rows
 from wbc.measurement import load_logs
 from wbc.measurement.guess import guess_names
 

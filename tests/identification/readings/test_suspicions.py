@@ -12,10 +12,9 @@ from tests.outside import RECORDED, foreign, outside, recorded
 from wbc.dynamics import link_torque
 from wbc.effects import CoulombFriction, load_robot
 from wbc.identification.readings import SuspiciousLogError, find_suspicions, suspicions
-from wbc.identification.readings.checks import told_by_rows
 from wbc.identification.readings.evidence import Judged, Report
 from wbc.identification.readings.kinds import Reading
-from wbc.identification.readings.mistakes import _closer
+from wbc.identification.readings.mistakes import _closer, told_by_rows
 from wbc.measurement import Log, load_logs, mended, together, write_map
 from wbc.robot import Motion, Robot
 from wbc.sim.excitation import record_with

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import combinations
 from math import pi
 from pathlib import Path
 
@@ -13,14 +12,13 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import IdentificationError, LogError
-from wbc.identification.readings.evidence import Bench, evidence
-from wbc.identification.readings.kinds import Reading, columns_of, in_degrees
-from wbc.identification.readings.log_rows import rows_of
+from wbc.identification.readings.kinds import columns_of, in_degrees
 from wbc.identification.readings.mistakes import (
     SuspiciousLogError,
     find_suspicions,
     motionless,
     single_ratios,
+    torque_mistakes,
 )
 from wbc.identification.records.channels import (
     ASKED,
@@ -38,8 +36,8 @@ from wbc.measurement.checks import (
     resolution,
 )
 from wbc.measurement.clocks import cut_at_gaps, too_short
-from wbc.measurement.column_map import Mend, say_so
-from wbc.measurement.log import Log, LogFinding, short_label
+from wbc.measurement.column_map import Mend, merged, say_so, together
+from wbc.measurement.log import CERTAIN, Log, LogFinding, short_label
 from wbc.measurement.names import unread
 from wbc.measurement.read import mended
 from wbc.measurement.schema import FREE_POSE, REPORTED
@@ -48,7 +46,6 @@ from wbc.tables import TextTable
 
 _TORQUES = (*REPORTED, "joint_torque")
 _NO_TORQUE = "Record what the drive reports; a log of positions alone can be played, not compared."
-_SURE = 0.9
 _PLACES = 400  # of a log at which contacts are looked at
 _BEYOND = 3.0  # times the limit of a joint
 _MANY_TURNS = 6.0 * pi
@@ -235,10 +232,14 @@ def unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
     sought = [f"{name}.position" for name in missing]
     way, mend = unread(log.source.ignored, sought)
     if len(mend.get("columns", {})) < len(missing) == len(strange):
-        order, sure = match_joints(robot, log, missing, strange)
-        mend = columns_from(order, log)
-        why = "as their motion and torques tell" if sure else "if their order is the same"
-        way = f"If they are the same joints ({why}), " + say_so(mend)
+        pairs = zip(strange, missing, strict=True)
+        own = [columns_of(theirs, log.columns, ours) for theirs, ours in pairs]
+        mend = {"columns": dict(item for entries in own for item in entries.items())}
+        # Motion and torques tell where the order of the names is not that of the joints.
+        told = torque_mistakes(robot, [mended(log, mend)])
+        crossed = [f.mend for f, _ in told if f.kind == "exchanged" and f.probability >= CERTAIN]
+        mend = merged(mend, together(crossed))
+        way = "If they are the same joints in this order, " + say_so(mend)
     elif len(mend.get("columns", {})) < len(missing):
         way += "\n" if way else ""
         way += "Give the robot of these logs, or name the columns in a column map "
@@ -330,98 +331,6 @@ def _without_torque(log: Log, robot: Robot) -> Iterator[LogFinding]:
         text = f"the log gives currents of {', '.join(silent)}, and the robot no torque constant."
         way = "State it: " + "\n".join(state_gear(joint, "torque_constant") for joint in silent)
         yield LogFinding("error", "no_torque_constant", "", text, way)
-
-
-def match_joints(
-    robot: Robot, log: Log, ours: Sequence[str], theirs: Sequence[str]
-) -> tuple[dict[str, str], bool]:
-    """Return joint of the robot -> joint of the log, and whether the rows tell it.
-
-    The order in which the reported torques follow what the motion needs; the order of the names
-    where that cannot be told.
-
-    Args:
-        robot: whose joints some names of the log are thought to mean.
-        log: with columns of `theirs`.
-        ours: joints of the robot without columns.
-        theirs: joints of the log that the robot does not have, as many.
-    """
-    plain = dict(zip(ours, theirs, strict=True))
-    if len(ours) < 2:
-        return plain, True
-    sources, told = _whose(robot, [mended(log, columns_from(plain, log))], ours)
-    sure = bool(told) and min(own for own, _ in told.values()) > _SURE
-    return ({one: plain[sources[one]] for one in ours} if sure else plain), sure
-
-
-def columns_from(sources: Mapping[str, str], log: Log) -> Mend:
-    """Return the map that reads the columns of joints from those of other names in a log."""
-    moved = [pair for pair in sources.items() if pair[0] != pair[1]]
-    entries = [columns_of(theirs, log.columns, ours) for ours, theirs in moved]
-    return {"columns": dict(item for own in entries for item in own.items())}
-
-
-def told_by_rows(robot: Robot, logs: Sequence[Log]) -> dict[str, tuple[float, float]]:
-    """Return how well the rows tell the columns of each driven joint from those of the others.
-
-    Args:
-        robot: whose logs they are.
-        logs: of it; the one in which a joint travels furthest tells of it.
-
-    Returns:
-        Joint -> (probability that its position and torque are its own, with even odds for every
-        exchange with another joint; share of its torque's power that the motion explains). Empty
-        where the logs cannot be held against the robot, or nothing can be exchanged.
-    """
-    far = [
-        max(range(len(logs)), key=lambda k: float(np.ptp(logs[k].column(f"{joint}.position"))))
-        for joint in robot.transmission.joints
-        if all(log.has(f"{joint}.position") for log in logs)
-    ]
-    return _whose(robot, [logs[k] for k in sorted({*far})])[1]
-
-
-def _whose(
-    robot: Robot, logs: Sequence[Log], moved: Sequence[str] = ()
-) -> tuple[dict[str, str], dict[str, tuple[float, float]]]:
-    """Return whose columns fit each joint best, and how well the rows tell it, see `told_by_rows`.
-
-    Args:
-        robot: whose logs they are.
-        logs: of it.
-        moved: joints whose columns are exchanged, pair by pair, while that explains more.
-    """
-    known = [rows for log in logs if (rows := rows_of(robot, log)) is not None]
-    driven = robot.transmission.joints
-    sources = {joint: joint for joint in (*driven, *moved)}
-    if not known or len(driven) < 2 or any(len(set(rows.quantities)) > 1 for rows in known):
-        return sources, {}
-    benches = [Bench(rows) for rows in known]
-
-    def judged(sources: Mapping[str, str]) -> tuple[float, float, FloatArray]:
-        """Evidence, how far the reports stray, and what is left of each of them."""
-        each = [b.judged(Reading(mend=columns_from(sources, b.rows.log))) for b in benches]
-        left = np.array([[one.left for one in own.reports] for own in each])
-        # A joint at rest has next to no power in its report: the logs in which it moves count.
-        powers = np.array([[one.size**2 for one in own.reports] for own in each])
-        share = np.sum(left * powers, axis=0) / np.maximum(powers.sum(axis=0), 1e-300)
-        strays = float(np.sum([own.strays.sum() for own in each]))
-        return evidence([own.reports for own in each]), strays, share
-
-    while True:
-        standing, strays, left = judged(sources)
-        odds, best = dict.fromkeys(sources, 0.0), (0.0, sources)
-        for a, b in combinations(moved or driven, 2):
-            rival = {**sources, a: sources[b], b: sources[a]}
-            score, after, _ = judged(rival)
-            if after < strays:  # what brings no report closer to the need is no rival
-                for joint in (a, b):
-                    odds[joint] += float(np.exp(min(score - standing, 500.0)))
-                best = max(best, (score - standing, rival), key=lambda one: one[0])
-        if not moved or best[1] is sources:
-            shares = dict(zip(driven, np.clip(1.0 - left, 0.0, 1.0), strict=True))
-            return sources, {j: (1.0 / (1.0 + odds[j]), float(shares[j])) for j in driven}
-        sources = best[1]
 
 
 def turns_ratio(joint: FloatArray, motor: FloatArray) -> float:

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 from wbc.errors import RobotError
 from wbc.files import write_text
-from wbc.identification.readings.checks import check_robot, told_by_rows, turns_ratio
-from wbc.identification.readings.mistakes import find_suspicions, single_ratios
+from wbc.identification.readings.checks import check_robot, turns_ratio
+from wbc.identification.readings.mistakes import find_suspicions, single_ratios, told_by_rows
 from wbc.measurement.column_map import merged, parse_column_map
 from wbc.measurement.guess import MapGuess, guess_table
 from wbc.measurement.log import LIKELY, LogFinding

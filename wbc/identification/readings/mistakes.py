@@ -14,6 +14,7 @@ from wbc.identification.readings.evidence import (
     GAIN_SPREAD,
     Bench,
     Judged,
+    Report,
     evidence,
     foreign,
     other_zeros,
@@ -290,8 +291,11 @@ def _tables(robot: Robot, logs: Sequence[Log]) -> _Tables:
     # Delays that are near one another explain nearly the same: the best of them stands for all.
     for alike_delays in delays(next(iter(known.values())), doubtful):
         told = [{k: own.judged(one) for k, own in benches.items()} for one in alike_delays]
-        best = max(told, key=lambda one: evidence([judged.reports for judged in one.values()]))
-        for k, read in best.items():
+        weights = [
+            evidence([read.reports for read in one.values()]) + delay.prior
+            for one, delay in zip(told, alike_delays, strict=True)
+        ]
+        for k, read in told[int(np.argmax(weights))].items():
             judged[k][read.reading.text] = read
     return judged
 
@@ -333,6 +337,40 @@ def _likeliest(robot: Robot, judged: _Tables) -> Found | None:
     if _explained(text, held)[1] < least:
         return None
     return _told([text, *(other for other, _ in tied)], held, doubt, len(every))
+
+
+def told_by_rows(robot: Robot, logs: Sequence[Log]) -> dict[str, tuple[float, float]]:
+    """Return how well the rows tell the columns of each driven joint from those of the others.
+
+    Args:
+        robot: whose logs they are.
+        logs: of it.
+
+    Returns:
+        Joint -> (probability that its position and torque are its own, with even odds for every
+        exchange with another joint; share of its torque's power that the motion explains). Empty
+        where the logs cannot be held against the robot, or nothing can be exchanged.
+    """
+    judged = _tables(robot, logs)
+    every, odds = tuple(judged), np.zeros(robot.transmission.size)
+    if not judged or odds.size < 2:
+        return {}
+    stands = _weight("", judged, every)
+    for text, one in judged[every[0]].items():
+        if (own := one.reading).exchanged:
+            odds[[*own.exchanged]] += np.exp(
+                min(_score(text, judged, every) - stands + Reading().prior - own.prior, 500.0)
+            )
+    shares = [_share([table[""].reports[k] for table in judged.values()]) for k in range(odds.size)]
+    told = zip((1.0 / (1.0 + odds)).tolist(), shares, strict=True)
+    return dict(zip(robot.transmission.joints, told, strict=True))
+
+
+def _share(reports: Sequence[Report]) -> float:
+    """Return the share of the power of reports that is explained."""
+    whole = sum(one.size**2 for one in reports)
+    left = sum(min(one.left, 1.0) * one.size**2 for one in reports)
+    return 1.0 - left / whole if whole > 0.0 else 0.0
 
 
 def _score(text: str, judged: _Tables, logs: Sequence[int]) -> float:
@@ -503,14 +541,6 @@ def _mend_of(reading: Reading) -> str:
 
 def _explained(text: str, judged: _Tables) -> tuple[float, float]:
     """Return the share of power explained before and after, of the joints that change."""
-    shares = []
-    for read in ("", text):
-        each = [
-            table[read].reports[k]
-            for table in judged.values()
-            for k in _changed(table[""], table[text])
-        ]
-        whole = sum(one.size**2 for one in each)
-        left = sum(min(one.left, 1.0) * one.size**2 for one in each)
-        shares.append(1.0 - left / whole if whole > 0.0 else 0.0)
-    return shares[0], shares[1]
+    pairs = [(t, k) for t in judged.values() for k in _changed(t[""], t[text])]
+    now, then = (_share([table[read].reports[k] for table, k in pairs]) for read in ("", text))
+    return now, then
