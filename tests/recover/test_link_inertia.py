@@ -95,10 +95,6 @@ def test_a_drawing_that_is_off_everywhere_is_one_cause() -> None:
     assert diagnosis.findings[0].probability > 0.9
     warnings = diagnosis.findings[0].warnings
     assert any("these logs tell" in warning for warning in warnings)
-    # The first link turns about one axis: a list of all its numbers was a screen long.
-    silent = next(warning for warning in warnings if "not shown by" in warning)
-    assert "all of l1," in silent
-    assert "l1.mass" not in silent
 
 
 def test_a_tool_nine_times_as_heavy_as_its_link_is_within_reach_of_a_linear_screen() -> None:

@@ -183,8 +183,6 @@ def provenance_rows(sources: Sequence[LogSource], command: str) -> dict[str, str
     rows = {"command": command} if command else {}
     rows["versions"] = ", ".join(f"{name} {number}" for name, number in facts["versions"].items())
     rows["python"] = facts["python"]
-    if facts["commit"]:
-        rows["commit"] = facts["commit"]
     rows["written"] = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     for source in sources:
         path = source.label.partition("#")[0]  # the digest is that of the file

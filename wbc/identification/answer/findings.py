@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import groupby
 
 import numpy as np
 
@@ -222,10 +221,6 @@ def quantities_of(
     sentences = [_numbers_told(usual.T @ usual, known)]
     if not differ:
         sentences.append("no mass, centre or moment alone differs for certain, only sums of them")
-    if same := [name for name in simple if name not in differ]:
-        sentences.append(f"as given, within their intervals: {', '.join(same)}")
-    if silent := [name for name in _in_own_place(found) if name not in estimates]:
-        sentences.append(f"not shown by these logs, left as given: {_listed(silent, found)}")
     return differ, sentences
 
 
@@ -262,22 +257,6 @@ def _simplest(known: Mapping[str, Estimate], found: Mapping[str, Quantity]) -> d
         if not group or not all(n in known for n in group):
             kept[name] = estimate
     return kept
-
-
-def _in_own_place(found: Mapping[str, Quantity]) -> list[str]:
-    """Return the names without what is only said in the place of something else."""
-    stand_ins = tuple({quantity.instead for quantity in found.values() if quantity.instead})
-    return [name for name in found if not name.startswith(stand_ins)]
-
-
-def _listed(names: list[str], found: Mapping[str, Quantity]) -> str:
-    """Return names in a row, those of a body of which all are there as one."""
-    parts = []
-    for body, own in groupby(_in_own_place(found), key=lambda name: name.rpartition(".")[0]):
-        every = list(own)
-        there = [name for name in every if name in names]
-        parts += [f"all of {body}"] if body and there == every else there
-    return ", ".join(parts)
 
 
 def disagreements(records: Sequence[Record], fit: Fit) -> list[list[str]]:

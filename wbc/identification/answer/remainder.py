@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.answer.shown import plain
-from wbc.identification.choice.evidence import Key
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import condensed_residual
@@ -158,8 +156,6 @@ class Remainder:
         floors: the same in noise floors.
         clues: variables on which it depends, with shares of its variance, strongest first.
         elsewhere: the other joint whose motion it follows more than its own; empty if none.
-        growth: its size in the last third of the logs over that in the first.
-        memory: whether it builds up after every reversal.
         driven: whether a motor moves it.
     """
 
@@ -169,8 +165,6 @@ class Remainder:
     floors: float
     clues: tuple[tuple[str, float], ...]
     elsewhere: str
-    growth: float
-    memory: bool
     driven: bool = True
 
     @property
@@ -178,12 +172,8 @@ class Remainder:
         """One sentence."""
         many = "more than 100" if self.floors > _MANY else plain(self.floors, 2)
         text = f"{self.output}: {self.size:.2g} {self.unit} left, {many} times the noise floor, "
-        text += _follows(self.clues)
-        if self.growth > 1.5:
-            text += f", grows {self.growth:.1f}-fold during a log"
-        if self.memory:
-            text += ", builds up after every reversal (memory)"
-        return text + "."
+        said = [f"{name} ({100.0 * share:.0f} %)" for name, share in self.clues]
+        return text + (f"follows {', '.join(said)}." if said else "follows no single variable.")
 
     @property
     def experiment(self) -> str:
@@ -194,8 +184,6 @@ class Remainder:
             return text.format(self.elsewhere, name)
         if not self.driven:
             return ""  # nobody holds it still, or turns it
-        if self.memory:
-            return _EXPERIMENTS["time since reversal"].format(name)
         known = [_EXPERIMENTS[clue] for clue, _ in self.clues if clue in _EXPERIMENTS]
         return known[0].format(name) if known else ""
 
@@ -209,7 +197,6 @@ def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
     """
     records = problem.records
     parts = [condensed_residual(fit.robot, [record]) for record in records]
-    given = np.split(problem.residual, np.cumsum([record.rows for record in records])[:-1])
     found = breakdowns(records, parts)
     result = []
     units = output_units(records[0].robot)
@@ -222,8 +209,6 @@ def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
         own = [b for b in found if b.output == name and b.share > _DEPENDS]
         other = _elsewhere(records, values, column, own)
         clues = [(b.variable, b.share) for b in (*own, *([other] if other else []))]
-        row = output_row(records[0].robot, column)
-        speeds = [record.thinned(record.motion.velocity[:, row]) for record in records]
         result.append(
             Remainder(
                 output=name,
@@ -232,54 +217,15 @@ def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
                 floors=size / floor,
                 clues=tuple(sorted(clues, key=lambda clue: -clue[1])[:FEW]),
                 elsewhere=other.variable.rpartition(" of ")[2] if other else "",
-                growth=_growth(values),
-                # Partial explanations blur the trace of a memory: the robot as given shows it, too.
-                memory=_memory(values, speeds)
-                or _memory([part[:, column] for part in given], speeds),
                 driven=output_gear(records[0].robot, column) is not None,
             )
         )
     return tuple(result)
 
 
-def _follows(clues: Sequence[tuple[str, float]]) -> str:
-    """Return on which variables a torque depends, in words."""
-    said = [f"{name} ({100.0 * share:.0f} %)" for name, share in clues]
-    return f"follows {', '.join(said)}" if said else "follows no single variable"
-
-
 def describe(left: Sequence[Remainder]) -> str:
     """Return a sentence per output: how much is left, and on what it depends."""
     return " ".join(one.text for one in left)
-
-
-def common_trait(problem: EstimationProblem, fit: Fit, causes: Sequence[Key]) -> str:
-    """Return how much torque some causes of a fit add together, and on what it depends, in words.
-
-    Several small causes may stand for one that is in no list: what they share tells more of it than
-    each of them does.
-
-    Args:
-        problem: the logs.
-        fit: with these causes and others.
-        causes: names and places of some of them.
-    """
-    without = problem.robot.with_effects(*(e for e in fit.effects if e.key not in causes))
-    records, robot = problem.records, problem.robot
-    parts = [
-        condensed_residual(without, [record]) - condensed_residual(fit.robot, [record])
-        for record in records
-    ]
-    sizes = np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0))
-    floors = sizes / problem.floor.values
-    floors[list(problem.floor.aside)] = 0.0
-    worst = int(np.argmax(floors))
-    name = output_names(robot)[worst]
-    own = [b for b in breakdowns(records, parts) if b.output == name and b.share > _DEPENDS]
-    follows = _follows([(b.variable, b.share) for b in own[:FEW]])
-    return (
-        f"{plain(float(sizes[worst]), 2)} {output_units(robot)[worst]} at {name}, which {follows}"
-    )
 
 
 def _elsewhere(
@@ -295,31 +241,6 @@ def _elsewhere(
             each.append(binned(output, name, "rad/s", speed, residual))
     least = max([_DEPENDS, *(b.share for b in own)])
     return max((b for b in each if b.share > least), key=lambda b: b.share, default=None)
-
-
-def _growth(values: list[FloatArray]) -> float:
-    """Return the size in the last third of the logs over that in the first."""
-    first = np.concatenate([v[: len(v) // 3] for v in values])
-    last = np.concatenate([v[-(len(v) // 3) :] for v in values])
-    return float(np.sqrt(np.mean(last**2) / max(float(np.mean(first**2)), 1e-300)))
-
-
-def _memory(values: list[FloatArray], speeds: list[FloatArray]) -> bool:
-    """Whether the residual changes gradually after reversals, as hysteresis does."""
-    early, late = [], []
-    for residual, speed in zip(values, speeds, strict=True):
-        sign = np.sign(speed)
-        toward = residual * sign
-        changed = np.flatnonzero(np.diff(sign) != 0.0) + 1
-        for start, stop in pairwise(changed):
-            third = (stop - start) // 3
-            if third >= 2:
-                early.append(float(np.mean(toward[start : start + third])))
-                late.append(float(np.mean(toward[stop - third : stop])))
-    if len(early) < 6:
-        return False
-    difference = np.array(late) - np.array(early)
-    return bool(difference.size * np.mean(difference) ** 2 > 4.0**2 * np.var(difference))
 
 
 @dataclass(frozen=True, eq=False)

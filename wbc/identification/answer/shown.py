@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import math
 import platform
-import subprocess
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any
 
-import wbc
 from wbc.arrays import FloatArray
 from wbc.identification.model.residual import raw_residual
 from wbc.identification.records.record import Record
@@ -144,7 +140,7 @@ def told(error: float) -> str:
 
 
 def provenance(sources: Sequence[LogSource], command: str = "") -> dict[str, Any]:
-    """Return versions, commit and the hashes of the logs; equal for equal results.
+    """Return versions and the hashes of the logs; equal for equal results.
 
     Args:
         sources: of the logs.
@@ -156,7 +152,6 @@ def provenance(sources: Sequence[LogSource], command: str = "") -> dict[str, Any
     ]
     facts["versions"] = {name: _version(name) for name in _PACKAGES}
     facts["python"] = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
-    facts["commit"] = _commit()
     return facts
 
 
@@ -165,22 +160,3 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:
         return "?"
-
-
-@cache
-def _commit() -> str:
-    """Return the commit of the checkout that the package runs from, empty for an installation."""
-    folder = Path(wbc.__file__).resolve().parent.parent
-    if not (folder / ".git").exists():
-        return ""
-    try:
-        done = subprocess.run(
-            ["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=12"],
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=10.0,
-        )
-    except (OSError, subprocess.TimeoutExpired):
-        return ""
-    return done.stdout.strip()
