@@ -1,28 +1,36 @@
 """A robot in the words of other simulators: numbers per joint, and the losses of its gears.
 
-What an effect does is asked of its hooks: the part of it that is linear, and whether that is all.
-No effect is known by its name here, so an effect of a user is exported like one of the catalogue;
-only the losses that `wbc.export.losses` works with have names.
+What effects do at joints and in drives is read from the table that compiled steps evaluate. An
+effect whose law has no number here is said in words, one of a user likewise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Container, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects import LoadPresliding, LoadStribeckFriction, Presliding, StribeckFriction
+from wbc.effects import (
+    ActuationDelay,
+    CoulombFriction,
+    CurrentLimit,
+    JointSpring,
+    LoadPresliding,
+    LoadStribeckFriction,
+    Presliding,
+    StribeckFriction,
+    TorqueConstant,
+    TorqueOffset,
+    ViscousFriction,
+)
+from wbc.effects.tables import COULOMB, SPRING, VISCOUS, effect_table
 from wbc.errors import RobotError
-from wbc.robot import Effect, Motion, Robot
+from wbc.robot import Effect, Robot
 
-_HELD = 3  # samples whose drives must have one law
-_HELD_FIELDS = ("position", "velocity", "acceleration", "temperature", "supply_voltage")
-_SAMPLES = 64
-_EXACT = 1e-9  # of the largest value, up to which rounding may leave a linear law
-_TORQUE = 1e4  # [N m] at the motor output, up to which a drive must be linear
+_HELD = (ViscousFriction, CoulombFriction, JointSpring, TorqueConstant, CurrentLimit, TorqueOffset)
 _KINDS = (LoadPresliding, LoadStribeckFriction, Presliding, StribeckFriction)
 TOLD = ("transmission_efficiency", *(kind.name for kind in _KINDS))
 """Names of the effects that these numbers hold beside what stands in every exported file."""
@@ -39,7 +47,8 @@ class JointNumbers:
         constant: (nv,) torque of these springs at position zero [N m].
         motor_damping: (m,) viscous friction of each rotor, at the motor's output [N m s/rad].
         motor_friction: (m,) dry friction of each rotor, at the motor's output [N m].
-        motor_limit: (m,) torque at the motor's output [N m], infinite where there is none.
+        motor_limit: (m,) torque at the motor's output that can be asked for [N m], infinite where
+            there is no limit.
         gain: (m,) delivered over reported torque.
         offset: (m,) delivered minus reported torque at the motor's output [N m].
         delay: (m,) [s].
@@ -60,7 +69,7 @@ class JointNumbers:
 
 
 def joint_numbers(robot: Robot, told: Container[str] = ()) -> JointNumbers:
-    """Return the numbers of a robot with its effects, each asked for what it does.
+    """Return the numbers of a robot with its effects.
 
     Args:
         robot: with its effects.
@@ -68,23 +77,31 @@ def joint_numbers(robot: Robot, told: Container[str] = ()) -> JointNumbers:
             gears lose under load.
     """
     gears, ratio = robot.transmission, np.abs(robot.transmission.gear_ratio)
-    damping, friction, stiffness, constants = np.zeros((4, robot.model.nv))
-    found = JointNumbers(
+    held = effect_table(robot.with_acting(e for e in robot.effects if isinstance(e, _HELD)))
+    damping, friction, stiffness, constant = np.zeros((4, robot.model.nv))
+    for (law, _, row), (size, rest, _) in zip(held.joints, held.numbers, strict=True):
+        {VISCOUS: damping, COULOMB: friction, SPRING: stiffness}[law][row] += size
+        constant[row] += size * rest
+    gain, limit, offset = held.drives.T
+    delay, unsaid = np.zeros(gears.size), [*_of_gears(robot, "transmission_efficiency" in told)]
+    for effect in robot.effects:
+        if isinstance(effect, ActuationDelay):
+            delay[gears.index(effect.where)] += effect.delay
+        elif effect.name not in told and not isinstance(effect, _HELD):
+            unsaid += _in_words(effect)
+    return JointNumbers(
         damping,
         friction,
         stiffness,
-        constants,
+        constant,
         motor_damping=ratio**2 * gears.rotor_viscous_friction,
         motor_friction=ratio * gears.rotor_coulomb_friction,
-        motor_limit=ratio * gears.torque_limit,
-        gain=np.ones(gears.size),
-        offset=np.zeros(gears.size),
-        delay=np.zeros(gears.size),
-        unsaid=tuple(_of_gears(robot, "transmission_efficiency" in told)),
+        motor_limit=ratio * np.minimum(gears.torque_limit, limit / gain),
+        gain=gain,
+        offset=offset * gears.gear_ratio,
+        delay=delay,
+        unsaid=tuple(dict.fromkeys(unsaid)),
     )
-    effects, motion = (e for e in robot.effects if e.name not in told), _probe_motion(robot)
-    unsaid = [text for effect in effects for text in _add(robot, effect, motion, found)]
-    return replace(found, unsaid=(*found.unsaid, *dict.fromkeys(unsaid)))
 
 
 def _of_gears(robot: Robot, losses_told: bool) -> Iterator[str]:
@@ -108,101 +125,15 @@ def _of_gears(robot: Robot, losses_told: bool) -> Iterator[str]:
         yield "the rotors' reaction to the turning of their housings"
 
 
-def _add(robot: Robot, effect: Effect, motion: Motion, found: JointNumbers) -> Iterator[str]:
-    """Add what an effect does to the numbers found; yield what they cannot hold."""
-    law, drives = _joint_law(robot, effect, motion), _drive_law(robot, effect, motion)
-    levels = _constant(effect.joint_friction(robot, motion), robot.model.nv)
-    offsets = _constant(effect.rotor_torque(robot, motion), robot.transmission.size)
-    if law is not None:
-        found.constant[:] += law[0]
-        found.stiffness[:] += law[1]
-        found.damping[:] += law[2]
-    if drives is not None:
-        found.gain[:] *= drives[0]
-        found.delay[:] += drives[1]
-    if levels is not None:
-        found.friction[:] += levels
-    if offsets is not None:
-        found.offset[:] += offsets * robot.transmission.gear_ratio
-    if law is None or levels is None or offsets is None or drives is None:
-        yield effect.said()
-    if "gear_efficiencies" in effect.acts_by:
-        yield f"{effect.said()}: the exported gear loses nothing that grows with the load"
-    if effect.acts_by & {"measured", "true", "measured_forces", "true_forces"}:
+def _in_words(effect: Effect) -> Iterator[str]:
+    """Yield what an effect does beside changing the robot's own numbers."""
+    acts = effect.acts_by - {"change"}
+    if acts & {"measured", "true", "measured_forces", "true_forces"}:
         yield f"{effect.said()}: it belongs to the sensors, so correct what they report"
-
-
-def _probe_motion(robot: Robot) -> Motion:
-    """Return a random motion (64, ...) with everything that a hook may look at."""
-    random = np.random.default_rng(0)
-    model, size = robot.model, robot.transmission.size
-    position = np.tile(robot.neutral(), (_SAMPLES, 1))
-    for joint in robot.single_joints:
-        position[:, robot.position_index(joint)] = random.uniform(-1.0, 1.0, _SAMPLES)
-    return Motion(
-        position=position,
-        velocity=random.uniform(-3.0, 3.0, (_SAMPLES, model.nv)),
-        acceleration=random.uniform(-5.0, 5.0, (_SAMPLES, model.nv)),
-        time=np.linspace(0.0, 10.0, _SAMPLES),
-        temperature=random.uniform(20.0, 60.0, (_SAMPLES, size)),
-        supply_voltage=random.uniform(12.0, 48.0, (_SAMPLES, size)),
-    )
-
-
-def _joint_law(robot: Robot, effect: Effect, motion: Motion) -> FloatArray | None:
-    """Return the smooth law (3, nv) of an effect at the joints, None if it has another one.
-
-    The torque [N m] is constant - stiffness q - damping v.
-    """
-    torque, law = effect.joint_torque(robot, motion), np.zeros((3, robot.model.nv))
-    if torque is None:
-        return law
-    said = np.zeros_like(torque)
-    for joint in robot.single_joints:
-        row, place = robot.velocity_index(joint), motion.position[:, robot.position_index(joint)]
-        columns = np.stack([np.ones_like(place), -place, -motion.velocity[:, row]], axis=1)
-        law[:, row] = np.linalg.lstsq(columns, torque[:, row], rcond=None)[0]
-        said[:, row] = columns @ law[:, row]
-    law[np.abs(law) <= _EXACT * np.abs(torque).max(axis=0)] = 0.0
-    return law if _equal(said, torque) else None
-
-
-def _constant(values: FloatArray | None, size: int) -> FloatArray | None:
-    """Return the one row (size,) of what a hook returned, zeros for nothing, None for several."""
-    if values is None:
-        return np.zeros(size)
-    return values[0] if _equal(values, np.broadcast_to(values[0], values.shape)) else None
-
-
-def _drive_law(robot: Robot, effect: Effect, motion: Motion) -> FloatArray | None:
-    """Return gain and delay (2, m) of the drives with an effect, None if it does other things.
-
-    A torque that grows evenly from far below any limit to far above it is delivered late by a
-    shift and weakened by a slope; whatever else happens to it shows as a bend. What depends on
-    the speed, the temperature or the supply differs from one held sample of `motion` to the next.
-    """
-    size, time, laws = robot.transmission.size, np.linspace(0.0, 10.0, 2001), []
-    if "drive" not in effect.acts_by:
-        return np.array([np.ones(size), np.zeros(size)])
-    inner = slice(200, -200)  # a delay has nothing to show before the first sample
-    ramp, unit = (time - 5.0) / 5.0, _TORQUE / np.abs(robot.transmission.gear_ratio)
-    given = {name: getattr(motion, name) for name in _HELD_FIELDS}
-    for row in range(_HELD):
-        held = {n: np.tile(x[row], (time.size, 1)) for n, x in given.items() if x is not None}
-        sample = motion.replace(time=time, **held)
-        delivered = effect.drive(robot, sample, np.outer(ramp, unit))[inner] / unit
-        gain, shift = np.polyfit(ramp[inner], delivered, 1)
-        if not _equal(np.outer(ramp[inner], gain) + shift, delivered):
-            return None
-        gain[np.abs(gain - 1.0) < _EXACT] = 1.0
-        delay = np.divide(-5.0 * shift, gain, out=np.zeros(size), where=gain != 0.0)
-        laws.append(np.array([gain, np.where(np.abs(delay) < _EXACT, 0.0, delay)]))
-    return laws[0] if all(np.array_equal(law, laws[0]) for law in laws) else None
-
-
-def _equal(one: FloatArray, other: FloatArray) -> bool:
-    size = max(float(np.max(np.abs(other), initial=0.0)), 1e-300)
-    return bool(np.max(np.abs(one - other), initial=0.0) <= _EXACT * size)
+    elif "gear_efficiencies" in acts:
+        yield f"{effect.said()}: the exported gear loses nothing that grows with the load"
+    elif acts:
+        yield effect.said()
 
 
 def loss_numbers(robot: Robot) -> dict[str, Any]:
@@ -224,13 +155,11 @@ def loss_numbers(robot: Robot) -> dict[str, Any]:
         )
     found, size = joint_numbers(robot, TOLD), gears.size
     forward, backward = gears.forward_efficiency, gears.backward_efficiency
-    length, coefficient, speed = np.zeros(size), np.zeros(size), np.ones(size)
+    slow = robot.with_acting(e for e in robot.effects if isinstance(e, LoadStribeckFriction))
+    (coefficient, speed), length = effect_table(slow).gears.T, np.zeros(size)
     for effect in robot.effects:
         if isinstance(effect, LoadPresliding):
             length[gears.index(effect.where)] = effect.length
-        elif isinstance(effect, LoadStribeckFriction):
-            k = gears.index(effect.where)
-            coefficient[k], speed[k] = effect.coefficient, effect.speed
     numbers = {
         "joints": list(gears.joints),
         "motor_from_joint": gears.motor_from_joint,
