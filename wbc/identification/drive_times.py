@@ -32,7 +32,7 @@ from wbc.identification.model.fit import beside_others, scaled
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.not_judged import reported_torque
 from wbc.identification.records.preparation import prepare
-from wbc.identification.records.record import Record, correlated_rows, rows_per_sample
+from wbc.identification.records.record import Record, by_log, correlated_rows, rows_per_sample
 from wbc.measurement import Log, derivative
 from wbc.measurement.filters import turned
 from wbc.measurement.schema import REPORTED
@@ -363,15 +363,13 @@ def _normal_equations(
     for k, times in enumerate(_times_of(robot).T):
         residual += times * column[:, :, k]
     column = np.concatenate([column, need[..., None]], axis=2)
-    ends = np.cumsum([record.rows for record in records])[:-1]
     sums, friction, level = [], [], 0.0
     shared = 1 + _TIMES + links.shape[2]
     for k in np.flatnonzero(followed).tolist():
         every = [residual[:, k], column[:, k, :_TIMES], links[:, k], column[:, k, _TIMES:_DRY]]
         free, _ = _without(column[:, k, _DRY:], np.column_stack(every))
         rest, _ = _without(free[:, 1:], free[:, :1])
-        parts = np.split(rest, ends)
-        alike = float(correlated_rows(parts, 0.0)[0])
+        alike = float(correlated_rows(by_log(records, rest), 0.0)[0])
         variance = np.mean(rest**2) + MISSED**2 * np.mean(free[:, 0] ** 2) + 1e-300
         scale = np.sqrt(variance * max(alike, rows_per_sample(records)))
         level += 0.5 * len(rest) * variance / scale**2 * np.log(variance)

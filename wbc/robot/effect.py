@@ -426,6 +426,10 @@ class Effect(ABC):
         """
         return {parameter.name: parameter.null for parameter in cls.parameters}
 
+    def null_of(self, robot: Robot, parameter: Parameter) -> float:
+        """Return the value of one of its parameters with which it changes nothing on `robot`."""
+        return self.null_values(robot, self.where).get(parameter.name, parameter.null)
+
     @property
     def key(self) -> tuple[str, str]:
         """Name and place; a model holds each at most once."""

@@ -25,7 +25,7 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.noise import NoiseFloor
 from wbc.identification.records.not_judged import without_links
-from wbc.identification.records.record import output_names, output_units
+from wbc.identification.records.record import by_log, output_names, output_units
 from wbc.measurement import Log, LogSource
 from wbc.robot import Robot
 from wbc.tables import TextTable
@@ -190,8 +190,7 @@ def compare_problem(problem: EstimationProblem, sources: tuple[LogSource, ...] =
         sources: where the logs came from.
     """
     records = problem.records
-    ends = np.cumsum([record.rows for record in records])
-    residuals = np.split(problem.residual, ends[:-1])
+    residuals = by_log(records, problem.residual)
     whitened = problem.residual @ problem.whitening
     series = series_of(problem.robot, records)
     outputs = _outputs(problem, series)

@@ -114,8 +114,7 @@ def estimates_of(
     bounds = problem.interval_bounds(fit, moved)
     for (k, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
         effect = fit.effects[k]
-        null = effect.null_values(problem.robot, effect.where)
-        given = null.get(parameter.name, parameter.null)
+        given = effect.null_of(problem.robot, parameter)
         nothing = parameter.shape or given == parameter.null
         found[k][parameter.name] = Estimate(
             effect.values[parameter.name],

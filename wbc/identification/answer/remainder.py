@@ -15,6 +15,9 @@ from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.record import (
     Record,
+    bins_of,
+    block_means,
+    explained_by,
     output_gear,
     output_names,
     output_row,
@@ -101,14 +104,9 @@ def binned(
     output: str, variable: str, unit: str, values: FloatArray, residual: FloatArray
 ) -> Breakdown:
     """Return the residual (rows,) of an output over a variable (rows,), in bins of equal count."""
-    edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, _BINS + 1)))
-    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
-    count = np.maximum(np.bincount(index, minlength=len(edges) - 1), 1)
-    mean = np.bincount(index, residual, minlength=len(edges) - 1) / count
-    power = np.bincount(index, residual**2, minlength=len(edges) - 1) / count
-    center = np.bincount(index, values, minlength=len(edges) - 1) / count
-    total = float(np.mean(residual**2))
-    share = float(np.sum(count * mean**2) / count.sum() / total) if total > 0.0 else 0.0
+    index = bins_of(values, _BINS)
+    center, mean, power = (block_means(x, index) for x in (values, residual, residual**2))
+    share = explained_by(index, residual)
     return Breakdown(output, variable, unit, center, mean, np.sqrt(power), share)
 
 

@@ -15,7 +15,7 @@ from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.yielding import deflects
-from wbc.identification.records.record import output_gear
+from wbc.identification.records.record import bins_of, explained_by, output_gear
 from wbc.robot import Effect
 
 # Logistic regression on 318 causes found in the generated corpus, 250 of them true; see
@@ -228,11 +228,8 @@ def _place_of(problem: EstimationProblem, fit: Fit, own: Effect) -> str:
         return ""
     row = robot.actuated_position[gear]
     where = np.concatenate([r.thinned(r.motion.position[:, row]) for r in problem.records])
-    edges = np.quantile(where, np.linspace(0.0, 1.0, _BINS + 1)[1:-1])
-    index, felt = np.searchsorted(edges, where), change[:, column]
-    count = np.maximum(np.bincount(index, minlength=_BINS), 1)
-    told = np.sum(np.bincount(index, felt, minlength=_BINS) ** 2 / count)
-    return robot.transmission.joints[gear] if told > _ONE_VARIABLE * float(felt @ felt) else ""
+    told = explained_by(bins_of(where, _BINS), change[:, column])
+    return robot.transmission.joints[gear] if told > _ONE_VARIABLE else ""
 
 
 def unexplained(before: float, final: Hypothesis, excess: FloatArray) -> bool:

@@ -125,7 +125,7 @@ def until_null(fit: Fit, own: Sequence[Effect], robot: Robot) -> tuple[list[int]
         effect = fit.effects[k]
         if effect.key not in keys:
             continue
-        null = effect.null_values(robot, effect.where).get(parameter.name, parameter.null)
+        null = effect.null_of(robot, parameter)
         change = 0.0 if parameter.shape else (null - effect.values[parameter.name])
         gone.append(row)
         steps.append(change / parameter.scale)

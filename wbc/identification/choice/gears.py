@@ -16,7 +16,7 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import IMPOSSIBLE, evaluate, link_response, rubbing_responses
 from wbc.identification.model.yielding import deflects, plays
-from wbc.identification.records.record import Record
+from wbc.identification.records.record import Record, by_log
 from wbc.links import LinkResponse, deflections
 from wbc.robot import Robot
 from wbc.transmission import Flanks
@@ -246,11 +246,10 @@ def _loudest(problem: EstimationProblem) -> tuple[Record, slice]:
 
     With it its rows of all.
     """
-    ends = np.cumsum([record.rows for record in problem.records])
-    squares = np.split((problem.residual @ problem.whitening) ** 2, ends[:-1])
+    squares = by_log(problem.records, (problem.residual @ problem.whitening) ** 2)
     most = int(np.argmax([part.sum() for part in squares]))
-    record = problem.records[most]
-    return record, slice(int(ends[most]) - record.rows, int(ends[most]))
+    first = sum(record.rows for record in problem.records[:most])
+    return problem.records[most], slice(first, first + len(squares[most]))
 
 
 def _loudest_joints(problem: EstimationProblem, left: FloatArray) -> list[tuple[str, int]]:

@@ -63,7 +63,6 @@ class Proposer:
         Args:
             h: the hypothesis.
             count: how many offers at most.
-            exclude: names and places that are not offered.
         """
         chosen = self._beside(h, count, exclude, 0.0)
         return [offer for offer, added in chosen if self._may_add(h, offer, added)]
@@ -110,7 +109,7 @@ class Proposer:
         lost = 0.0 if linear or h.swings else losses(problem, fit, h, [(own,)])[0][0]
         likely = []
         for offer, added in chosen:
-            gain = self._gain(h, (own,), offer, added)
+            gain = sum(self._gain(h, (own,), offer, added))
             shaped = any(p.shape for regressor in added for p in regressor.effect.parameters)
             least = -HOPELESS if linear and not shaped else -_BEYOND_FITS
             if hopeless or gain > least - _REPLACED * max(lost, 0.0):
@@ -146,21 +145,17 @@ class Proposer:
             return []
         left, right = weigh(self.trials.problem, [rest, h])
         likely = [
-            (self._gain(rest, (), offer, added) + float(left - right), offer)
+            (sum(self._gain(rest, (), offer, added), float(left - right)), offer)
             for offer, added in self._beside(rest, count, (own.key,), h.error)
         ]
         return [(gain, offer) for gain, offer in likely if gain > -_BEYOND_FITS]
 
     def _gain(
-        self,
-        h: Hypothesis,
-        own: Sequence[Effect],
-        offer: Offer,
-        added: Sequence[Regressor],
-    ) -> float:
-        """Return by how much derivatives say that an exchange raises the evidence [nats].
+        self, h: Hypothesis, own: Sequence[Effect], offer: Offer, added: Sequence[Regressor]
+    ) -> tuple[float, float]:
+        """Return by how much derivatives say that the density and the prior rise [nats].
 
-        Infinite for what is drawn to what is usual, of which they say little.
+        The density is infinite for what is drawn to what is usual, of which they say little.
 
         Args:
             h: a hypothesis.
@@ -168,12 +163,6 @@ class Proposer:
             offer: what it then holds.
             added: the new ones.
         """
-        return sum(self._promise(h, own, offer, added))
-
-    def _promise(
-        self, h: Hypothesis, own: Sequence[Effect], offer: Offer, added: Sequence[Regressor]
-    ) -> tuple[float, float]:
-        """Return `_gain` of the density and of the prior apart."""
         if any(regressor.drawn for regressor in added):
             return np.inf, 0.0
         problem = self.trials.problem
@@ -183,7 +172,7 @@ class Proposer:
 
     def _may_add(self, h: Hypothesis, offer: Offer, added: Sequence[Regressor]) -> bool:
         """Whether derivatives do not say that causes more explain far less than they cost."""
-        density, prior = self._promise(h, (), offer, added)
+        density, prior = self._gain(h, (), offer, added)
         return MISSED * density > -prior
 
     def _around(self, h: Hypothesis) -> LinearScreen:

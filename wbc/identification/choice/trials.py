@@ -208,8 +208,7 @@ class Trials:
             found = set()
             for (k, parameter), own in zip(fit.parameters, size, strict=True):
                 effect = fit.effects[k]
-                given = effect.null_values(robot, effect.where)
-                null = given.get(parameter.name, parameter.null)
+                null = effect.null_of(robot, parameter)
                 if own > _SEEN * size.max() and effect.values[parameter.name] != null:
                     found.add(k)
             self._busy[h.effects] = tuple(h.effects[k] for k in sorted(found))

@@ -52,6 +52,7 @@ from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import (
     Record,
     block_means,
+    by_log,
     correlated_rows,
     held_out_folds,
     output_gear,
@@ -459,8 +460,7 @@ class EstimationProblem:
         Args:
             residual: (rows, outputs), whitened.
         """
-        ends = np.cumsum([record.rows for record in self.records])
-        parts = [part for part in np.split(residual, ends[:-1]) if len(part) > 4]
+        parts = [part for part in by_log(self.records, residual) if len(part) > 4]
         white = rows_per_sample(self.records)
         alike = correlated_rows(parts, white)
         return np.asarray(self._row_share / np.maximum(alike, white))

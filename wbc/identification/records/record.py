@@ -406,6 +406,23 @@ def block_means(values: FloatArray, blocks: IntArray) -> FloatArray:
     return np.asarray(total[count > 0] / count[count > 0])
 
 
+def explained_by(blocks: IntArray, values: FloatArray) -> float:
+    """Return the share of the mean square of `values` (rows,) that the means of blocks explain."""
+    squares = np.bincount(blocks, values) ** 2 / np.maximum(np.bincount(blocks), 1)
+    return float(squares.sum() / max(float(values @ values), 1e-300))
+
+
+def by_log(records: Sequence[Record], rows: FloatArray) -> list[FloatArray]:
+    """Return the condensed rows (rows, ...) of each log."""
+    return np.split(rows, np.cumsum([record.rows for record in records])[:-1])
+
+
+def bins_of(values: FloatArray, count: int) -> IntArray:
+    """Return the bin (rows,) of every value, bins of equal count: fewer where values repeat."""
+    edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, count + 1)[1:-1]))
+    return np.searchsorted(edges, values, side="right")
+
+
 def rows_per_sample(records: Sequence[Record]) -> float:
     """Return how many rows of white noise are one sample: a band B holds 2 B of them a second."""
     samples = [2.0 * r.bandwidth.residual * r.stride / r.rate * r.rows for r in records]
