@@ -9,7 +9,7 @@ other side.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
@@ -19,7 +19,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.dynamics import contact_torque, inertial_parameters, inertial_regressor, link_torque
+from wbc.dynamics import contact_torque, inertial_parameters, inertial_regressor
 from wbc.dynamics.batch import inverse_dynamics, point_jacobians
 from wbc.identification.records.channels import loaded
 from wbc.identification.records.contacts import ContactBalance
@@ -30,8 +30,6 @@ from wbc.robot import ContactForces, Motion, Robot
 from wbc.robot.coordinates import output_units as gear_and_base_units
 
 _SMALL = 1e-6
-_Slopes = tuple[FloatArray, FloatArray, FloatArray]
-"""How a need changes with a joint's acceleration, velocity and position."""
 
 
 def output_count(robot: Robot) -> int:
@@ -125,8 +123,7 @@ class Record:
     certainty: FloatArray
     load_band: FloatArray
     inertia: FloatArray | None = None
-    _responses: dict[str, LinkResponse] = field(init=False, default_factory=dict)
-    _response_changes: dict[str, tuple[IntArray, _Slopes]] = field(init=False, default_factory=dict)
+    _responses: dict[str, tuple[bytes, LinkResponse]] = field(init=False, default_factory=dict)
     _regressors: dict[tuple[int, bytes], FloatArray] = field(init=False, default_factory=dict)
     _latest: dict[bytes, FloatArray] = field(init=False, default_factory=dict)
 
@@ -299,51 +296,37 @@ class Record:
         return self.condense_driven(values * weight)
 
     def response_of(self, robot: Robot, joint: str) -> LinkResponse:
-        """Return how the link behind a gear of a robot reacts to a deflection of the gear.
+        """Return how the link behind a gear of a robot reacts to a deflection of the gear."""
+        key = inertial_parameters(robot).tobytes()
+        known, response = self._responses.get(joint, (b"", None))
+        if response is None or known != key:
+            response = self._reacting(robot, joint)
+            self._responses[joint] = key, response
+        return response
 
-        Linear in the links' parameters, so that a payload that is fitted costs no dynamics.
-        """
-        own, row = self.robot, self.robot.velocity_index(joint)
-        if joint not in self._responses:
-            slopes = self._slopes(
-                joint, lambda m: link_torque(own, m) - contact_torque(own, m.position, self.forces)
-            )
-            self._responses[joint] = LinkResponse(
-                1.0 / self.rate,
-                row,
-                self.links - self.contacts,
-                *slopes,
-                unexplained=np.zeros(len(self.links)),
-                band=partial(self.condensed_at, output=own.transmission.index(joint)),
-                rows=np.arange(self.edge, len(self.links) - self.edge, self.stride),
-            )
-        response = self._responses[joint]
-        change = inertial_parameters(robot) - inertial_parameters(own)
-        change = change if self.inertia is None else change + self.inertia
-        kept = np.flatnonzero(change)
-        if not kept.size:
-            return response
-        known, columns = self._response_changes.get(joint, (kept[:0], None))
-        if columns is None or not np.isin(kept, known).all():
-            known = np.union1d(kept, known)
-            columns = self._slopes(joint, lambda m: inertial_regressor(own, m)[:, :, known])
-            self._response_changes[joint] = known, columns
-        pairs = zip(("inertia", "damping", "stiffness"), columns, strict=True)
-        more = {name: getattr(response, name) + column @ change[known] for name, column in pairs}
-        return replace(response, **more)
-
-    def _slopes(self, joint: str, needed: Callable[[Motion], FloatArray]) -> _Slopes:
-        """Return how a need changes with a joint's acceleration, velocity and position."""
-        motion, robot = self.motion, self.robot
-        unit = np.eye(robot.model.nv)[robot.velocity_index(joint)]
-        position = np.array(motion.position)
+    def _reacting(self, robot: Robot, joint: str) -> LinkResponse:
+        motion, model, row = self.motion, self.model_of(robot), robot.velocity_index(joint)
+        unit, position = np.eye(robot.model.nv)[row], np.array(motion.position)
         position[:, robot.position_index(joint)] += _SMALL
+
+        def needed(m: Motion) -> FloatArray:
+            torque = inverse_dynamics(model, m.position, m.velocity, np.asarray(m.acceleration))
+            return torque - contact_torque(robot, m.position, self.forces)
+
+        here = needed(motion)
         pushed = motion.replace(acceleration=np.asarray(motion.acceleration) + unit)
         faster = motion.replace(velocity=motion.velocity + _SMALL * unit)
-        bent = motion.replace(position=position)
-        here = needed(motion)
-        by_velocity, by_position = ((needed(m) - here) / _SMALL for m in (faster, bent))
-        return needed(pushed) - here, by_velocity, by_position
+        return LinkResponse(
+            1.0 / self.rate,
+            row,
+            here,
+            inertia=needed(pushed) - here,
+            damping=(needed(faster) - here) / _SMALL,
+            stiffness=(needed(motion.replace(position=position)) - here) / _SMALL,
+            unexplained=np.zeros(len(here)),
+            band=partial(self.condensed_at, output=robot.transmission.index(joint)),
+            rows=np.arange(self.edge, len(here) - self.edge, self.stride),
+        )
 
 
 _BLOCKS_PER_LOG = 5
