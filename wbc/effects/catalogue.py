@@ -1,4 +1,4 @@
-"""The effects by their names."""
+"""The effects by their names: the final classes of the files in this room."""
 
 from __future__ import annotations
 
@@ -17,43 +17,17 @@ from wbc.effects import (
 from wbc.errors import EffectError, require_known
 from wbc.robot import Effect
 
-_CLASSES: tuple[type[Effect], ...] = (
-    friction.ViscousFriction,
-    friction.DirectionalViscousFriction,
-    friction.ThermalViscousFriction,
-    friction.CoulombFriction,
-    friction.RotorViscousFriction,
-    friction.RotorCoulombFriction,
-    friction.StribeckFriction,
-    presliding.Presliding,
-    gear_losses.TransmissionEfficiency,
-    presliding.LoadPresliding,
-    gear_losses.LoadFriction,
-    gear_losses.LoadStribeckFriction,
-    friction.QuadraticDrag,
-    drive.RotorInertia,
-    links.PayloadMass,
-    links.LinkInertia,
-    links.LinkInertias,
-    position_torques.JointSpring,
-    drive.TorqueConstant,
-    drive.TorqueOffset,
-    position_torques.TorqueRipple,
-    links.CenterOfMass,
-    sensing.PositionOffset,
-    sensing.ForceSensorGain,
-    links.GravityDirection,
-    links.ContactRadius,
-    drive.ActuationDelay,
-    drive.ThermalDrift,
-    drive.SupplySag,
-    drive.VoltageScaling,
-    drive.CurrentLimit,
-    gear_losses.JointCompliance,
-    gear_losses.Backlash,
-)
+_FILES = (friction, presliding, gear_losses, drive, links, position_torques, sensing)
 
-EFFECTS = MappingProxyType({cls.name: cls for cls in _CLASSES})
+EFFECTS: MappingProxyType[str, type[Effect]] = MappingProxyType(
+    {
+        kind.name: kind
+        for file in _FILES
+        for kind in vars(file).values()
+        # `final` notes that it was there; a file may hold classes of others.
+        if getattr(kind, "__final__", False) and kind.__module__ == file.__name__
+    }
+)
 """Every effect class by the name that logs, files and reports use."""
 
 
