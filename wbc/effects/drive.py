@@ -140,7 +140,7 @@ class CurrentLimit(JointEffect):
         "Ask for slowly growing torques against a fixed stop with a force sensor: beyond the "
         "limit the force no longer follows."
     )
-    search = SearchOffer(screens=_screens)
+    search = SearchOffer(screens=_screens, gradual=False)
 
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the clipped torque of this gear, (..., m)."""

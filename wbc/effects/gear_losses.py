@@ -250,7 +250,7 @@ class YieldingGear(GearNumbers, ABC):
 
     has_play: ClassVar[bool] = False
     # None: which flanks are worth trying only simulated links tell.
-    search = SearchOffer(screens=lambda *_: ())
+    search = SearchOffer(screens=lambda *_: (), gradual=False)
 
     @classmethod
     def having(cls, where: str, flanks: Flanks) -> Self:

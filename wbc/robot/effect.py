@@ -313,6 +313,8 @@ class SearchOffer:
         claims: how many things it says of a machine at once; each costs as much as a name of its
             own before the logs speak, so that an effect that says less is named where it suffices.
         near_rest: whether the effect is gone where the joint moves at its usual speed.
+        gradual: whether derivatives tell what is left without it. They do not where a link then
+            moves otherwise, or where its null lies beyond all that logs hold, as no limit does.
         inseparable: name of another effect -> from where on no run of a robot tells the two apart,
             and what does instead, in words.
         screens: (kind, robot, where, evidence) -> the linear ways in which it may explain a
@@ -337,6 +339,7 @@ class SearchOffer:
     expected: float = 0.0
     claims: int = 1
     near_rest: bool = False
+    gradual: bool = True
     inseparable: Mapping[str, str] = field(default_factory=dict)
     screens: Callable[[Any, Robot, str, Evidence], tuple[Screen, ...]] = small_steps
     recognisable: Callable[[Any, Robot, Sequence[Motion]], bool] = lambda effect, robot, seen: True

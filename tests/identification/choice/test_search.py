@@ -11,6 +11,7 @@ from wbc.effects import (
     Backlash,
     CenterOfMass,
     CoulombFriction,
+    CurrentLimit,
     JointCompliance,
     JointSpring,
     LinkInertia,
@@ -26,18 +27,20 @@ from wbc.effects import (
     ViscousFriction,
     load_robot,
 )
+from wbc.effects.formula import CustomTorque
 from wbc.effects.links import add_point_mass
 from wbc.errors import DynamicsError
 from wbc.identification import diagnose
 from wbc.identification.choice import gears
 from wbc.identification.choice.candidate_columns import Regressor
+from wbc.identification.choice.certainty import BELIEVED, beliefs
 from wbc.identification.choice.drop_screen import until_null
 from wbc.identification.choice.evidence import implausible
 from wbc.identification.choice.gears import two_gears
 from wbc.identification.choice.linear_screen import LinearScreen, Subset, screen
 from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.proposals import Proposer
-from wbc.identification.choice.search import Search
+from wbc.identification.choice.search import Search, _drops
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.columns import SparseColumns
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -93,6 +96,16 @@ def test_a_rotor_inertia_is_no_tonne_beside_the_axis() -> None:
     problem = EstimationProblem.from_logs(LEG, record_with(LEG, [], duration=2.0)[:1])
     heavy = PayloadMass("thigh", 20.0 * sum(inertia.mass for inertia in LEG.model.inertias))
     assert sum(implausible(problem, problem.fit([heavy], 0))) > 6.0
+
+
+def test_a_limit_that_leaves_most_is_not_believed() -> None:
+    """Derivatives, followed to a limit without end, said that it explains 7e13 floors."""
+    cubic = CustomTorque.at("hip", {"v_hip * v_hip * v_hip": -0.03})
+    trials = Trials(EstimationProblem.from_logs(LEG, record_with(LEG, [cubic])))
+    limit = trials.of((CurrentLimit("hip", 15.0),))
+    assert limit is not None
+    assert beliefs(trials, limit)["current_limit", "hip"] < BELIEVED
+    assert () in [h.effects for h in _drops(Proposer(trials, AT_ONCE), limit)]
 
 
 HIDDEN: dict[str, list[Effect]] = {

@@ -14,7 +14,6 @@ from wbc.identification.choice.evidence import Hypothesis, Key, weigh, without
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import bins_of, explained_by, output_gear
 from wbc.robot import Effect
 
@@ -146,40 +145,33 @@ def support_of(
         excess: (outputs,) mean squares above the floor that are left unexplained, in floors.
         explained: whether that is too little to ask for one cause more.
     """
-    # How links move behind gears that yield is no linear matter.
-    gears = [k for k, effect in enumerate(final.effects) if deflects(effect)]
-    smaller = {k: trials.of(without(final.effects, final.effects[k])) for k in gears}
-    known = {k: h.outputs - final.outputs for k, h in smaller.items() if h is not None}
-    each = _supports(trials, final, known, excess, explained)
+    each = _supports(trials, final, excess, explained)
     return {
         effect.key: replace(one, odds=odds.of(effect.key), group=odds.of(effect.key, *rivals))
         for effect, one, rivals in zip(final.effects, each, odds.rivals(final), strict=True)
     }
 
 
-def _supports(
-    trials: Trials,
-    h: Hypothesis,
-    known: Mapping[int, FloatArray],
-    excess: FloatArray,
-    explained: bool,
-) -> list[Support]:
+def _supports(trials: Trials, h: Hypothesis, excess: FloatArray, explained: bool) -> list[Support]:
     """Return what speaks for each cause of a hypothesis as if no other had been tried.
 
-    What a cause explains is told by the derivatives of the fit.
+    What a cause explains is told by the derivatives of the fit, where these cannot by a fit.
 
     Args:
         trials: of the search.
         h: the hypothesis.
-        known: (outputs,) by how much the mean squares grow without a cause, by its number, where
-            that is known better.
         excess: (outputs,) as of `support_of`.
         explained: as of `support_of`.
     """
     problem, fit = trials.problem, trials.fit(h)
     alone = [(effect,) for effect in h.effects]
-    screened = gains(problem, fit, alone)
-    gained = [np.maximum(known.get(k, gain), 0.0) for k, gain in enumerate(screened)]
+    gained = [np.maximum(gain, 0.0) for gain in gains(problem, fit, alone)]
+    for k, effect in enumerate(h.effects):
+        if effect.search.gradual:
+            continue
+        fewer = trials.of(without(h.effects, effect))
+        if fewer is not None:
+            gained[k] = np.maximum(fewer.outputs - h.outputs, 0.0)
     places = [_place_of(problem, fit, effect) for effect in h.effects]
     first = np.maximum(trials.nothing.outputs, 1e-300)
     noise = np.maximum(h.outputs, 1.0) / (len(fit.residual) * h.samples)
@@ -264,7 +256,7 @@ def beliefs(trials: Trials, h: Hypothesis) -> dict[Key, float]:
     excess = (1.0 - white) * np.maximum(h.outputs - 1.0, 0.0)
     if not unexplained(trials.nothing.error, h, excess):
         return {}
-    each = _supports(trials, h, {}, excess, explained=False)
+    each = _supports(trials, h, excess, explained=False)
     return {key: one.belief for key, one in zip(h.keys, each, strict=True)}
 
 

@@ -18,7 +18,6 @@ from wbc.identification.choice.linear_screen import (
 )
 from wbc.identification.choice.trials import HOPELESS, Trials
 from wbc.identification.model.columns import ADDS, drawn
-from wbc.identification.model.yielding import deflects
 from wbc.robot import Effect
 
 Screened = tuple[Offer, list[Regressor]]
@@ -94,7 +93,7 @@ class Proposer:
             hopeless: whether those count that cannot win by derivatives; then these are enough,
                 and nothing is fitted.
         """
-        if drawn(own) or deflects(own):
+        if drawn(own) or not own.search.gradual:
             return self._beside_rest(h, own, count)
         if not self.candidates:
             return []

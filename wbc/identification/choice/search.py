@@ -12,7 +12,6 @@ from wbc.identification.choice.evidence import LEAST_ASKED, Hypothesis, Key, lef
 from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.proposals import MISSED, Proposer
 from wbc.identification.model.columns import drawn
-from wbc.identification.model.yielding import deflects
 
 _ADDED = 6  # offers that are fitted for one addition
 _PAIRS = 6  # ... of two causes
@@ -40,9 +39,9 @@ def _drops(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
     names = Counter(effect.name for effect in h.effects)
     repeated = [name for name, count in names.items() if count > 1]
     named = [tuple(effect for effect in h.effects if effect.name == name) for name in repeated]
-    # How links move behind gears that yield is no linear matter: without such a gear it is fitted.
-    gears = [own for own in (*single, *named) if any(map(deflects, own))]
-    offers = [own for own in (*single, *named) if own not in gears]
+    # what derivatives do not tell is fitted
+    sudden = [own for own in (*single, *named) if not all(e.search.gradual for e in own)]
+    offers = [own for own in (*single, *named) if own not in sudden]
     fit = trials.fit(h)
     each = dict(zip(offers, losses(trials.problem, fit, h, offers), strict=True))
     idle = tuple(own[0] for own in single if own in each and each[own][0] < each[own][1])
@@ -50,7 +49,7 @@ def _drops(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
         each[idle] = losses(trials.problem, fit, h, [idle])[0]
     likely = [own for own, (loss, gain) in each.items() if loss < MISSED * gain]
     likely.sort(key=lambda own: each[own][0] - each[own][1])
-    for own in (*likely, *gears):
+    for own in (*likely, *sudden):
         yield from trials.rivals_of(h, [without(h.effects, *own)])
 
 
