@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import struct
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,7 +13,7 @@ from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path
 from typing import Any, BinaryIO
-from zipfile import BadZipFile, ZipFile
+from zipfile import BadZipFile
 from zlib import error as ZlibError  # noqa: N812
 
 import numpy as np
@@ -23,7 +24,7 @@ from wbc.files import atomic_write
 from wbc.measurement.column_map import RowChoice, say_so
 from wbc.measurement.log import Log
 from wbc.measurement.schema import TIME, is_column
-from wbc.measurement.tables import Table, columns_of, kept_rows, read_text_file
+from wbc.measurement.tables import Table, columns_of, read_text_file
 
 _TEXT = (".csv", ".tsv", ".txt", ".dat", ".data", ".log", ".asc")
 _FORMATS = (
@@ -32,6 +33,7 @@ _FORMATS = (
 )
 _WRITTEN = (".csv", ".parquet", ".npz")
 _DAMAGE = (OSError, BadZipFile, ValueError, EOFError, ZlibError)
+_COPIES = 6  # of a file that reading holds in memory: bytes, text, and the parsed columns
 _MOST_TURNS = 64  # motors of a robot
 
 
@@ -65,8 +67,10 @@ def _read(path: Path, topic: str, header: Sequence[str]) -> Table:
             f"'{path}' is a folder, but no rosbag2 recording (no metadata.yaml); give the files "
             "in it, of a LeRobot dataset the Parquet files in its folder data."
         )
-    if path.stat().st_size == 0:
+    if (size := path.stat().st_size) == 0:
         raise LogError(f"'{path}' is empty.")
+    if size * _COPIES > memory():
+        raise LogError(f"'{path}' is too large for the memory: cut it, or keep every n-th row.")
     if suffix in (".parquet", ".pq"):
         return _read_parquet(path)
     if suffix == ".npz":
@@ -74,6 +78,11 @@ def _read(path: Path, topic: str, header: Sequence[str]) -> Table:
     if suffix in _TEXT:
         return read_text_file(path, header)
     raise LogError(f"'{path}': the format '{suffix}' is not read; there are {_FORMATS}.")
+
+
+def memory() -> int:
+    """Return the memory of this machine [bytes]."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 def _side_by_side(table: Table) -> Table:
@@ -163,38 +172,21 @@ def _read_parquet(path: Path) -> Table:
         import pyarrow as pa
         import pyarrow.parquet as pq
     try:
-        with pq.ParquetFile(path) as file:
-            groups = range(file.metadata.num_row_groups)
-            size = sum(file.metadata.row_group(k).total_byte_size for k in groups)
-            every, notes = kept_rows(size)
-            table = file.read() if every == 1 else _thinned(file, every)
+        table = pq.ParquetFile(path).read()
     except (OSError, pa.ArrowException) as cause:
         raise LogError(
             f"cannot read '{path}' as Parquet: {cause}. The file is cut off or damaged, or of "
             "another format; copy it again, or export it as CSV."
         ) from cause
     arrays = dict(zip(table.column_names, table.columns, strict=True))
-    return Table(path, columns_of(arrays, path), notes=notes)
-
-
-def _thinned(file: Any, every: int) -> Any:
-    """Return every N-th row of a Parquet file, read piece by piece."""
-    import pyarrow as pa
-
-    pieces, passed = [], 0
-    for batch in file.iter_batches():
-        pieces.append(batch.take(list(range(-passed % every, batch.num_rows, every))))
-        passed += batch.num_rows
-    return pa.Table.from_batches(pieces)
+    return Table(path, columns_of(arrays, path))
 
 
 def _read_npz(path: Path) -> Table:
     """Read an archive of arrays, never unpickled: (N,) and (N, n); others are passed over."""
     try:
-        with ZipFile(path) as whole:
-            every, notes = kept_rows(sum(part.file_size for part in whole.infolist()))
         with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: _nth_rows(archive[name], every) for name in archive.files}
+            arrays = {name: archive[name] for name in archive.files}
     except _DAMAGE as cause:
         said = "it holds Python objects; only arrays of numbers are read"
         text = said if "allow_pickle" in str(cause) else str(cause)
@@ -216,17 +208,8 @@ def _read_npz(path: Path) -> Table:
                 f"'{path}': '{name}' has shape {array.shape}, expected (rows,) or (rows, columns)."
             )
     others = [f"{name} {arrays[name].shape}" for name in arrays if name not in kept]
-    if others:
-        notes += (f"arrays without {rows} rows were passed over: {', '.join(others)}.",)
-    return Table(path, columns_of(kept, path), notes=notes)
-
-
-def _nth_rows(array: NDArray[Any], every: int) -> NDArray[Any]:
-    """Return every N-th row of an array whose rows are its longest axis, as a copy of its own."""
-    if every == 1 or not array.ndim:
-        return array
-    axis = int(np.argmax(array.shape))
-    return np.take(array, np.arange(0, array.shape[axis], every), axis=axis)
+    notes = [f"arrays without {rows} rows were passed over: {', '.join(others)}."] if others else ()
+    return Table(path, columns_of(kept, path), notes=tuple(notes))
 
 
 def save_log(log: Log, path: str | Path) -> Path:

@@ -8,7 +8,6 @@ table say what was found. pyarrow parses the rows.
 from __future__ import annotations
 
 import gzip
-import os
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -16,7 +15,7 @@ from csv import reader
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cached_property
-from itertools import islice, zip_longest
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +30,6 @@ from wbc.measurement.schema import TIME, is_column, named_unit
 
 _DAYS = ("%d.%m.%Y ", "%d/%m/%Y ", "%m/%d/%Y ", "%Y/%m/%d ", "")
 _HOURS = ("%H:%M:%S.%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S %p")
-_COPIES = 6  # of a file that reading holds in memory: bytes, text, and the parsed columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,17 +195,6 @@ def _date(cell: str, pattern: str) -> datetime:
     return datetime.strptime(cell.replace(",", "."), pattern)
 
 
-def kept_rows(size: int) -> tuple[int, tuple[str, ...]]:
-    """Return N such that every N-th row of a file of so many bytes fits the memory, and a note."""
-    every = max(1, -(-size * _COPIES // memory()))
-    return every, (f"larger than memory: one row of {every} was read.",) if every > 1 else ()
-
-
-def memory() -> int:
-    """Return the memory of this machine [bytes]."""
-    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-
-
 _MARKS = (",", ";", "\t", "|", " ")
 _COMMENT = ("#", "%")
 _HEAD_LINES = 200
@@ -217,7 +204,6 @@ _GZIP, _UTF_16 = b"\x1f\x8b", (b"\xff\xfe", b"\xfe\xff")
 _LIST = re.compile(r"\s*[\[(]\s*[-+.\d]")
 _DECIMAL_COMMA, _DECIMAL_POINT = r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?", r"[-+]?\d*\.\d+\S*"
 _PASSED_OVER = r"(?m)^(?:[#%].*|[ \t\r]*)(?:\n|\Z)"  # comments and blank lines
-_ZIPPED = 8  # how many times larger a zipped file of numbers becomes
 
 
 @dataclass(frozen=True)
@@ -289,7 +275,7 @@ def read_text_file(path: Path, header: Sequence[str]) -> Table:
         LogError: the file is missing, empty or no text, has no header line, names a column twice,
             or has rows of other lengths.
     """
-    text, notes, every = _text(path)
+    text, notes = _text(path)
     text = re.sub(r"\Asep=.\r?\n", "", text)  # a line that spreadsheets write
     lines = text[: 1 << 20].splitlines()[:_HEAD_LINES]
     first = next((k for k, line in enumerate(lines) if _says(line)), len(lines))
@@ -310,9 +296,6 @@ def read_text_file(path: Path, header: Sequence[str]) -> Table:
     if first and any(line.strip() for line in lines[:first]):
         notes.append(f"{first} comment lines above the header were passed over.")
     table = _parsed(path, text, layout, names, notes)
-    if every > 1:
-        begin = sum(map(_says, lines)) - len(layout.head)  # rows that were read one by one
-        table = table.take([*range(0, begin, every), *range(begin, table.num_rows)])
     columns = columns_of(dict(zip(names, table.columns, strict=True)), path)
     return Table(path, columns, units, tuple(notes))
 
@@ -321,25 +304,21 @@ def _says(line: str) -> bool:
     return bool(line.strip()) and not line.startswith(_COMMENT)
 
 
-def _text(path: Path) -> tuple[str, list[str], int]:
-    """Return the text of a file, notes, and N: of one larger than memory every N-th line."""
+def _text(path: Path) -> tuple[str, list[str]]:
+    """Return the text of a file, and notes."""
     try:
         with path.open("rb") as file:
             zipped = file.read(2) == _GZIP
-        every, said = kept_rows(path.stat().st_size * (_ZIPPED if zipped else 1))
-        notes = list(said)
         with gzip.open(path, "rb") if zipped else path.open("rb") as file:
-            head = b"".join(islice(file, _HEAD_LINES)) if every > 1 else b""
-            raw = head + (b"".join(islice(file, 0, None, every)) if every > 1 else file.read())
+            raw = file.read()
         if raw.startswith(_UTF_16):
-            return raw.decode("utf-16"), [*notes, "the file is UTF-16."], every
+            return raw.decode("utf-16"), ["the file is UTF-16."]
         if b"\0" in raw[:4096]:
             raise LogError(f"cannot read '{path}' as CSV: it is no text.")
         try:
-            return raw.decode("utf-8-sig"), notes, every
+            return raw.decode("utf-8-sig"), []
         except UnicodeDecodeError:
-            notes.append("the file is no UTF-8 and was read as Latin-1.")
-            return raw.decode("latin-1"), notes, every
+            return raw.decode("latin-1"), ["the file is no UTF-8 and was read as Latin-1."]
     except (OSError, EOFError, UnicodeError) as cause:
         raise LogError(f"cannot read '{path}' as CSV: {cause}.") from cause
 
