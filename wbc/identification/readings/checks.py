@@ -21,7 +21,6 @@ from wbc.identification.readings.mistakes import (
     torque_mistakes,
 )
 from wbc.identification.records.channels import (
-    ASKED,
     placeless_joints,
     positions,
     tells_torque,
@@ -45,6 +44,7 @@ from wbc.robot import Robot, state_gear
 from wbc.tables import TextTable
 
 _TORQUES = (*REPORTED, "joint_torque")
+_ASKED = ("motor_torque", *REPORTED)  # a torque that nobody named: most drives report the motor's
 _NO_TORQUE = "Record what the drive reports; a log of positions alone can be played, not compared."
 _PLACES = 400  # of a log at which contacts are looked at
 _BEYOND = 3.0  # times the limit of a joint
@@ -57,9 +57,10 @@ def refusal(log: Log, robot: Robot) -> LogFinding | None:
 
     `wbc check` and every comparison ask here, so that neither lets pass what the other refuses.
     """
-    beyond = (finding for finding in check_ranges(log, robot) if finding.severity == "error")
-    unknown = unknown_joints(log, robot) or unknown_base(log, robot)
-    return too_short(log) or next(beyond, None) or unknown
+    if (short := too_short(log)) is not None:
+        return short
+    found = [*check_ranges(log, robot), *check_robot(log, robot)]
+    return next((finding for finding in found if finding.severity == "error"), None)
 
 
 def require_robot_and_logs(robot: Robot, logs: Sequence[Log]) -> None:
@@ -108,8 +109,8 @@ def require_readable(robot: Robot, log: Log) -> None:
 
     Raises:
         IdentificationError: too short a log.
-        SuspiciousLogError: a joint or a free base without a place, or a position far beyond the
-            joint's limits; the message says what to do.
+        SuspiciousLogError: a position far beyond the joint's limits, or what a log lacks that the
+            robot needs; the message says what to do.
     """
     if (found := refusal(log, robot)) is None:
         return
@@ -322,7 +323,7 @@ def _without_torque(log: Log, robot: Robot) -> Iterator[LogFinding]:
     elif lacking:
         text = f"no torque of {', '.join(lacking)}: one of rotor_torque, motor_torque, current and "
         text += "joint_torque is needed, or target_position and the drive's gains kp and kd."
-        sought = [f"{joint}.{quantity}" for joint in lacking for quantity in ASKED]
+        sought = [f"{joint}.{quantity}" for joint in lacking for quantity in _ASKED]
         way, mend = unread(log.source.ignored, sought)
         if len(mend.get("columns", {})) < len(lacking):
             way = f"{_NO_TORQUE} {way}".rstrip()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -17,14 +17,11 @@ from wbc.dynamics import inertial_parameters
 from wbc.errors import LogError
 from wbc.identification.records.contacts import active_contacts
 from wbc.measurement.log import OF_THE_DRIVE, Log, Machine
-from wbc.measurement.names import unread
 from wbc.measurement.schema import FREE_POSE, FREE_VELOCITY, REPORTED
 from wbc.robot import Robot, state_gear
 from wbc.transmission import DRIVE_TIMES, Transmission
 
 _SOURCES = (*REPORTED, "duty", "target_position")
-ASKED = ("motor_torque", *REPORTED)
-"""What a column of torque that nobody named is taken for: most drives report that of the motor."""
 _EARLY = 0.1  # of a sample; 20 us of jitter in stamps 4 ms apart are 0.005
 _EVEN = 1e-3  # time stamps that stray less than this share of a step count as even
 _STATES = 4  # drawn at random; one that does not show a dependence has measure zero
@@ -55,11 +52,9 @@ def drive_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
         LogError: as `rotor_torques`.
     """
     joint, source = transmission.joints[row], torque_sources(log, transmission)[row]
-    if not source:
-        _no_torque(log, transmission, joint)
     if source == "target_position":
         return target_law(log, transmission, row)
-    told = log.column(f"{joint}.{source}")
+    told = log.column(f"{joint}.{source or 'motor_torque'}")  # raises where there is none
     if source == "duty":
         return _winding_law(log, transmission, row, told, 0.0)
     if source == "current":
@@ -105,20 +100,6 @@ def tells_torque(log: Log, transmission: Transmission) -> BoolArray:
     gained = np.isfinite(transmission.position_gain) | np.isfinite(transmission.duty_gain)
     sources = np.array(torque_sources(log, transmission), dtype=np.str_)
     return np.asarray((sources != "") & ((sources != "target_position") | gained))
-
-
-def _no_torque(log: Log, transmission: Transmission, joint: str) -> NoReturn:
-    for quantity in _SOURCES:
-        if f"{joint}.{quantity}" in log.source.unusable:
-            log.column(f"{joint}.{quantity}")  # raises: it says why
-    joints = transmission.joints
-    lacking = [j for j in joints if not any(log.recorded(f"{j}.{q}") for q in _SOURCES)]
-    hint = unread(log.source.ignored, [f"{j}.{q}" for j in lacking for q in ASKED])[0]
-    raise LogError(
-        f"{log.source.label}: no torque of joint '{joint}': one of "
-        f"{', '.join(f'{joint}.{q}' for q in REPORTED)} is needed, or {joint}.target_position and "
-        f"the gains of its drive. There are: {', '.join(log.names)}. {hint}".rstrip()
-    )
 
 
 def joint_position(log: Log, joint: str) -> FloatArray:
@@ -286,13 +267,8 @@ def target_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
     if np.isfinite(gain):
         wanted = gain * _late(log, transmission, row, "target_position")
         return _winding_law(log, transmission, row, wanted, gain)
-    kp, kd = float(transmission.position_gain[row]), float(transmission.velocity_gain[row])
-    if not np.isfinite(kp):
-        raise LogError(
-            f"{log.source.label}: there is a target of '{joint}' and no torque, and the robot "
-            "states no gains of its position drive (of one that sets the voltage: duty_gain "
-            f"instead of kp and kd); {state_gear(joint, 'kp', 'kd')}"
-        )
+    kp = known_number(transmission, row, "position_gain", "kp")
+    kd = float(transmission.velocity_gain[row])
     wanted = kp * _late(log, transmission, row, "target_position")
     if kd > 0.0:
         wanted += kd * _late(log, transmission, row, "target_velocity")
@@ -347,8 +323,8 @@ def _winding_law(
     return DriveLaw(full * wanted, full * gain, on * constant * ratio, bound, limit)
 
 
-def known_number(transmission: Transmission, row: int, name: str) -> float:
-    """Return a number of a gear that its robot.toml may leave out.
+def known_number(transmission: Transmission, row: int, name: str, key: str = "") -> float:
+    """Return a number of a gear that its robot.toml may leave out, or states by another key.
 
     Raises:
         LogError: it did.
@@ -358,7 +334,7 @@ def known_number(transmission: Transmission, row: int, name: str) -> float:
     if not np.isfinite(value):
         raise LogError(
             f"the torque of '{joint}' needs {name}, which the robot does not state; "
-            + state_gear(joint, name)
+            + state_gear(joint, key or name)
         )
     return value
 

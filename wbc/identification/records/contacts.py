@@ -206,10 +206,8 @@ def active_contacts(
     moved = moving_contact(robot, position)
     if moved is not None:
         raise IdentificationError(
-            f"{log.source.label}: '{robot.name}' has a free base, so its log needs the contact "
-            f"forces, for example '<contact>.force.z', or '<contact>.active' (1 while it touches), "
-            f"of: {', '.join(names)}. Without both it must stand on all of them, but "
-            f"'{moved[0]}' moves by {moved[1]:.2g} m."
+            f"{log.source.label}: neither forces nor flags of the contacts, and '{moved[0]}' moves "
+            f"by {moved[1]:.2g} m."
         )
     return {name: np.ones(len(grid), dtype=bool) for name in names}
 

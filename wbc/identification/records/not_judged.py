@@ -13,7 +13,6 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, frozen
-from wbc.errors import LogError
 from wbc.identification.records.record import Record, at_outputs, output_count, rubbing
 from wbc.measurement import Log
 from wbc.robot import Robot
@@ -160,18 +159,7 @@ def standing_joints(records: Sequence[Record]) -> list[str]:
 
 
 def sensed_joints(robot: Robot, logs: Sequence[Log]) -> tuple[str, ...]:
-    """Return the driven joints with `<joint>.joint_torque` in all logs.
-
-    Raises:
-        LogError: a joint of whose drive nothing else is known lacks it.
-    """
-    for log in logs:
-        for joint in robot.sensor_only:
-            if not log.has(f"{joint}.joint_torque"):
-                raise LogError(
-                    f"{log.source.label}: '{robot.name}' describes no gear of '{joint}' but a "
-                    f"torque sensor, so the log needs '{joint}.joint_torque'."
-                )
+    """Return the driven joints with `<joint>.joint_torque` in all logs."""
     joints = robot.transmission.joints
     return tuple(j for j in joints if all(log.has(f"{j}.joint_torque") for log in logs))
 
