@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -65,9 +64,10 @@ def test_sweeps_that_cannot_be_are_named(sweep: str, message: str, tmp_path: Pat
 def test_the_table_holds_every_design_once_with_its_metrics(tmp_path: Path) -> None:
     gears = "reduction=6,20", "forward_efficiency.knee=0.6:0.9:3"
     chosen = study(*gears, "mass.thigh=1,3", "joint.knee=0.9,1.2")
-    path = design.run_study(chosen, tmp_path / "x.parquet", chunk=5)
+    path = tmp_path / "x.parquet"
+    table = design.run_study(chosen, path)
     read = pq.read_table(path)
-    table = {name: read[name].to_numpy() for name in read.column_names}
+    np.testing.assert_equal({name: read[name].to_numpy() for name in read.column_names}, table)
     assert list(table) == list(design.describe_columns(chosen))
     assert table["design"].tolist() == list(range(24))
     assert len({tuple(table[p.column][i] for p in chosen.parameters) for i in range(24)}) == 24
@@ -84,14 +84,17 @@ def test_the_table_holds_every_design_once_with_its_metrics(tmp_path: Path) -> N
     assert field.metadata == {b"unit": b"N"}
 
 
-def test_any_number_of_workers_gives_the_same_bytes(tmp_path: Path) -> None:
-    chosen = study(samples=300, seed=4)
-    one = design.run_study(chosen, tmp_path / "one.parquet", chunk=37)
-    two = design.run_study(chosen, tmp_path / "two.parquet", chunk=37, workers=2)
-    assert one.read_bytes() == two.read_bytes()
-    other = design.run_study(replace(chosen, seed=5), tmp_path / "x.parquet", chunk=37)
-    drawn, again = (pq.read_table(path)["reduction"].to_numpy() for path in (one, other))
-    assert not np.array_equal(drawn, again)
+def test_samples_follow_their_seed_however_many_are_evaluated_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chosen, other = study(samples=300, seed=4), study(samples=300, seed=5)
+    whole = design.run_study(chosen, tmp_path / "one.parquet")
+    drawn = design.run_study(other, tmp_path / "other.parquet")["reduction"]
+    monkeypatch.setattr("wbc.design.stored._CHUNK", 37)
+    np.testing.assert_equal(design.run_study(chosen, tmp_path / "two.parquet"), whole)
+    one, two = ((tmp_path / name).read_bytes() for name in ("one.parquet", "two.parquet"))
+    assert one == two
+    assert not np.array_equal(whole["reduction"], drawn)
     assert drawn.min() >= 6.0
 
 
@@ -149,43 +152,6 @@ def test_objectives_are_read_and_checked() -> None:
         design.pareto_front({"a": np.ones(1)}, [])
     infinite = {"a": np.array([1.0, 3.0, np.inf]), "b": np.array([2.0, np.nan, 0.0])}
     assert design.pareto_front(infinite, [*map(design.Objective, "ab")]).tolist() == [2, 0]
-
-
-OBJECTIVES = [design.Objective("lift"), design.Objective("inertia", more=False)]
-ROWS = 3000
-
-
-@pytest.fixture(scope="module")
-def columns() -> dict[str, np.ndarray]:
-    """Rows with a front of many designs, ties and places without a number."""
-    random = np.random.default_rng(4)
-    lift = random.normal(size=ROWS).round(2)
-    return {
-        "design": np.arange(ROWS, dtype=float),
-        "lift": np.where(random.random(ROWS) < 0.05, np.nan, lift),
-        "inertia": (lift + 0.1 * random.normal(size=ROWS)).round(2),
-    }
-
-
-@pytest.mark.parametrize("piece", [7, 100, 10_000])
-def test_the_front_of_pieces_is_the_front_of_the_whole(
-    columns: dict[str, np.ndarray], piece: int, tmp_path: Path
-) -> None:
-    path = tmp_path / "designs.parquet"
-    pq.write_table(pa.table(columns), path, row_group_size=piece)
-    front = design.pareto_front(columns, OBJECTIVES)
-    assert len(front) > 10
-    best = design.best_designs(path, OBJECTIVES)
-    np.testing.assert_equal(best, {name: values[front] for name, values in columns.items()})
-
-
-def test_a_picture_gets_whole_designs_evenly_spread(
-    columns: dict[str, np.ndarray], tmp_path: Path
-) -> None:
-    table = tmp_path / "designs.parquet"
-    pq.write_table(pa.table(columns), table, row_group_size=1200)
-    assert len(design.sampled_designs(table, ROWS)["design"]) == ROWS
-    assert design.sampled_designs(table, 100)["design"].tolist() == list(range(0, ROWS, 30))
 
 
 def test_every_row_has_a_source_and_plausible_numbers() -> None:

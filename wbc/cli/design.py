@@ -36,12 +36,13 @@ def run_design(options: Options, console: Console) -> Outcome:
     units = design.describe_columns(study)
     objectives = _objectives(options, study, units)
     with watching("designs", console) as watch:
-        path = design.run_study(study, options.out, workers=options.workers, watch=watch)
-    front = design.best_designs(path, objectives)
+        table = design.run_study(study, options.out, watch)
+    best = design.pareto_front(table, objectives)
+    front = {name: values[best] for name, values in table.items()}
     _print(study, front, objectives, console)
-    console.print(f"wrote {path}: {study.size} designs")
+    console.print(f"wrote {options.out}: {study.size} designs")
     if options.figures:
-        drawn = design.sampled_designs(path, _DRAWN)
+        drawn = {name: values[:: -(-study.size // _DRAWN)] for name, values in table.items()}
         if (count := len(drawn["design"])) < study.size:
             console.print(f"the pictures show {count} of {study.size} designs, evenly spread")
         aimed = [objective.column for objective in objectives]
@@ -51,7 +52,7 @@ def run_design(options: Options, console: Console) -> Outcome:
         "robot": study.robot,
         "contact": study.contact,
         "designs": study.size,
-        "table": str(path),
+        "table": str(options.out),
         "units": units,
         "gearboxes": as_json(study.gearboxes),
         "objectives": [f"{o.column}:{'max' if o.more else 'min'}" for o in objectives],

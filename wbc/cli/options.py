@@ -209,7 +209,7 @@ Without --html the page opens in the browser.""",
     "design": Subcommand(
         "sweep gears, links and pose: maps and the best compromises",
         "robot --sweep --gearbox --catalogue"
-        f" --samples --seed {_SITE} --objective --workers --out/designs --figures"
+        f" --samples --seed {_SITE} --objective --out/designs --figures"
         " --theme --json",
         """parameters: reduction, forward_efficiency, backward_efficiency, rotor_inertia,
 rotor_friction, torque_limit, length.LINK, mass.LINK, joint.JOINT;

@@ -2,11 +2,9 @@
 
 from wbc.design.stored import (
     Objective as Objective,
-    best_designs as best_designs,
     pareto_front as pareto_front,
     parse_objective as parse_objective,
     run_study as run_study,
-    sampled_designs as sampled_designs,
 )
 from wbc.design.study import (
     Gearbox as Gearbox,

@@ -1,11 +1,10 @@
-"""The table of a study, computed in chunks, and the best compromises among its designs."""
+"""The table of a study, and the best compromises among its designs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.design.study import Study, describe_columns
 from wbc.errors import DesignError, needs, require_known
 from wbc.files import atomic_write
-from wbc.parallel import Watch, run_jobs
+from wbc.parallel import Watch
 
 _BLOCK = 1024
 _CHUNK = 16384  # designs: about 0.3 s of work, 3 MB of results
@@ -94,98 +93,31 @@ def _beaten(costs: FloatArray, by: FloatArray) -> BoolArray:
 
 
 def run_study(
-    study: Study,
-    path: str | Path,
-    *,
-    workers: int = 1,
-    chunk: int = _CHUNK,
-    watch: Watch = lambda done, total: None,
-) -> Path:
-    """Evaluate every design of a study and write the table, whole or not at all.
-
-    The table is the same to the last bit for any number of workers.
+    study: Study, path: str | Path, watch: Watch = lambda done, total: None
+) -> dict[str, FloatArray]:
+    """Evaluate every design of a study, write the table, and return its columns.
 
     Args:
         study: what to evaluate.
-        path: the Parquet file; its columns hold their units.
-        workers: processes on this computer; 1 works in this process, -1 takes all cores.
-        chunk: designs that are evaluated at once.
+        path: the Parquet file, written whole or not at all; its columns hold their units.
         watch: called with the designs done and their total, now and after every chunk.
 
     Raises:
-        ParallelError: workers is 0.
+        MissingPackageError: pyarrow is not installed.
         DynamicsError, TransmissionError: a value outside its range.
     """
-    study.designs(0, 1)  # wrong values show before anything is written
-    pa, pq = _pyarrow()
-    chunks = [range(study.size)[start : start + chunk] for start in range(0, study.size, chunk)]
-    schema = pa.schema(
-        pa.field(name, pa.float64(), metadata={"unit": unit})
-        for name, unit in describe_columns(study).items()
-    )
-
-    def write(file: BinaryIO) -> None:
-        results = run_jobs(study.evaluate, chunks, workers)
-        with pq.ParquetWriter(file, schema) as writer:
-            for rows, columns in zip(chunks, results, strict=True):
-                writer.write_table(pa.table(columns, schema=schema))
-                watch(rows.stop, study.size)
-
-    watch(0, study.size)
-    return atomic_write(path, write)
-
-
-def best_designs(path: str | Path, objectives: Sequence[Objective]) -> dict[str, FloatArray]:
-    """Return the columns of the Pareto front of a study's table, best in the first objective first.
-
-    The table is read in pieces, so that memory grows with the front and not with the study.
-
-    Args:
-        path: the Parquet file.
-        objectives: what designs are judged by; see `pareto_front`.
-
-    Raises:
-        OSError: no such file.
-        DesignError: no objective.
-    """
-    best: dict[str, FloatArray] = {}
-    for piece in _pieces(path):
-        both = {n: np.concatenate([best.get(n, x[:0]), x]) for n, x in piece.items()}
-        front = pareto_front(both, objectives)
-        best = {name: values[front] for name, values in both.items()}
-    return best
-
-
-def sampled_designs(path: str | Path, count: int) -> dict[str, FloatArray]:
-    """Return at most `count` designs of a study's table, evenly spread; all if there are no more.
-
-    Args:
-        path: the Parquet file.
-        count: how many designs fit into a picture.
-
-    Raises:
-        OSError: no such file.
-    """
-    _, pq = _pyarrow()
-    kept, every = dict[str, FloatArray](), max(-(-pq.read_metadata(path).num_rows // count), 1)
-    for piece in _pieces(path):
-        chosen = piece["design"] % every == 0
-        kept = {n: np.concatenate([kept.get(n, x[:0]), x[chosen]]) for n, x in piece.items()}
-    return kept
-
-
-def _pieces(path: str | Path) -> Iterator[dict[str, FloatArray]]:
-    """Yield the row groups of a table."""
-    _, pq = _pyarrow()
-    with pq.ParquetFile(path) as file:
-        for number in range(file.metadata.num_row_groups):
-            group = file.read_row_group(number)
-            yield {name: group[name].to_numpy() for name in group.column_names}
-
-
-def _pyarrow() -> tuple[Any, Any]:
-    """Return pyarrow and its module for Parquet; only tables of designs need them."""
     with needs("design", "a table of designs"):
         import pyarrow as pa
         import pyarrow.parquet as pq
-    return pa, pq
+    parts = []
+    for start in range(0, study.size, _CHUNK):
+        watch(start, study.size)
+        parts.append(study.evaluate(range(study.size)[start : start + _CHUNK]))
+    watch(study.size, study.size)
+    units = describe_columns(study)
+    table = {name: np.concatenate([part[name] for part in parts]) for name in units}
+    schema = pa.schema(
+        pa.field(name, pa.float64(), metadata={"unit": unit}) for name, unit in units.items()
+    )
+    atomic_write(path, lambda file: pq.write_table(pa.table(table, schema=schema), file))
+    return table

@@ -1,4 +1,4 @@
-"""A study: which designs of which robot are evaluated how. Small, sent to any worker.
+"""A study: which designs of which robot are evaluated how.
 
 What it varies are parameters of the gears, links and joints, and gearboxes of a catalogue: a table
 of numbers with their sources.
@@ -221,7 +221,7 @@ class Study:
     """Designs of one robot: a full grid of the parameters, or quasi-random samples of them.
 
     Attributes:
-        robot: shipped robot's name or path of its description, loaded anew by every worker.
+        robot: shipped robot's name or path of its description.
         parameters: what varies.
         contact: name of the contact point, or of a frame whose origin stands in for one.
         position: q of the pose that the designs share.
@@ -369,5 +369,5 @@ def describe_columns(study: Study) -> dict[str, str]:
 
 @lru_cache(maxsize=8)
 def loaded(robot: str, contact: str) -> Robot:
-    """Return a robot with a contact or frame called `contact`, read once per process."""
+    """Return a robot with a contact or frame called `contact`, read once."""
     return with_contact_at(load_robot(robot), contact)
