@@ -28,9 +28,7 @@ def varied(robot: Robot, k: int, seed: int = 1) -> metrics.Designs:
         "rotor_coulomb_friction": rng.uniform(0.0, 0.1, (k, m)),
         "torque_limit": rng.uniform(0.5, 3.0, (k, m)),
     }
-    lengths = {body: rng.uniform(0.1, 0.6, k) for body in robot.bodies[-2:]}
-    masses = {body: rng.uniform(0.5, 3.0, k) for body in robot.bodies[-2:]}
-    return metrics.Designs.of(robot, q, gears, lengths, masses)
+    return metrics.Designs.of(robot, q, gears)
 
 
 @pytest.mark.parametrize("name", ["planar_leg", "planar_leg_fixed", "parallelogram_leg", "solo12"])
@@ -77,16 +75,6 @@ def test_many_designs_are_the_metrics_of_each(name: str, coupled: bool) -> None:
     assert designs.gears["backward_efficiency"].min() < 0.0
 
 
-def test_a_stretched_leg_carries_as_statics_say() -> None:
-    lengths = np.array([0.2, 0.4, 0.8])
-    given = {"thigh": lengths, "shin": lengths}
-    designs = metrics.Designs.of(LEG, LEG.pose("paper"), lengths=given)
-    found = metrics.design_metrics(designs, "foot", [0, 1], "xz")
-    np.testing.assert_allclose(found.conventional, 20.0 / (lengths * np.sin(np.pi / 6)))
-    reach = metrics.force_capability(*robot_at(designs, 2), "foot", "xz")
-    assert reach.along([0, 1]).conventional == pytest.approx(50.0)
-
-
 def test_self_locking_gears_on_a_fixed_base_are_infinitely_heavy() -> None:
     def table(robot: Robot, gears: dict | None) -> metrics.DesignMetrics:
         designs = metrics.Designs.of(robot, robot.pose("paper"), gears)
@@ -130,9 +118,6 @@ DESIGNS = (
     ({"gears": {"forward_efficiency": [0.9], "backward_efficiency": [1.2]}}, "create power"),
     ({"gears": {"gear_ratio": [6.0, 7.0], "torque_limit": [1.0, 2.0, 3.0]}}, "2, 3 designs"),
     ({"gears": {"gear_ratio": [[1.0, 2.0, 3.0]]}}, "shape"),
-    ({"lengths": {"slide_x": [1.0]}}, "no length"),
-    ({"masses": {"slide_x": [1.0]}}, "must be > 0"),
-    ({"masses": {"thigh": [-1.0]}}, "must be > 0"),
 )
 MISTAKES: list[tuple[str, Callable[[], object]]] = [
     *[(said, lambda x=given: metrics.Designs.of(LEG, POSE, **x)) for given, said in DESIGNS],

@@ -1,4 +1,4 @@
-"""`wbc design` and `experiment`: studies over gears and links, motions that tell causes apart."""
+"""`wbc design` and `experiment`: studies over gears, motions that tell causes apart."""
 
 from __future__ import annotations
 

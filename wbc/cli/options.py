@@ -207,12 +207,12 @@ Without --html the page opens in the browser.""",
         "robots",
     ),
     "design": Subcommand(
-        "sweep gears, links and pose: maps and the best compromises",
+        "sweep gears and pose: maps and the best compromises",
         "robot --sweep --gearbox --catalogue"
         f" --samples --seed {_SITE} --objective --out/designs --figures"
         " --theme --json",
         """parameters: reduction, forward_efficiency, backward_efficiency, rotor_inertia,
-rotor_friction, torque_limit, length.LINK, mass.LINK, joint.JOINT;
+rotor_friction, torque_limit, joint.JOINT;
 a gear parameter takes .JOINT for one gear alone.
 
 example: wbc design planar_leg --sweep reduction=6:160:40:log

@@ -1,6 +1,6 @@
 """A study: which designs of which robot are evaluated how.
 
-What it varies are parameters of the gears, links and joints, and gearboxes of a catalogue: a table
+What it varies are parameters of the gears and joints, and gearboxes of a catalogue: a table
 of numbers with their sources.
 """
 
@@ -26,9 +26,8 @@ from wbc.transmission import GEAR_NUMBERS, Transmission, wedge_backward_efficien
 
 _CALLED = {"gear_ratio": "reduction", "rotor_coulomb_friction": "rotor_friction"}
 GEAR_PARAMETERS = {_CALLED.get(field, field): field for field in GEAR_FIELDS}
-LINK_PARAMETERS = ("length", "mass")
-NAMES = (*GEAR_PARAMETERS, *LINK_PARAMETERS, "joint")
-_OTHER_UNITS = {"length": "m", "mass": "kg", "joint": "rad or m", "gearbox": "1"}  # units
+NAMES = (*GEAR_PARAMETERS, "joint")
+_OTHER_UNITS = {"joint": "rad or m", "gearbox": "1"}
 DEFAULT_COUNT = 9  # values on a grid of a range that names no number: a table to read, not to trust
 
 
@@ -38,7 +37,7 @@ class SweepParameter:
 
     Attributes:
         name: one of `NAMES`, or "gearbox" (by its number) where a study makes it.
-        place: joint of a gear (all gears alike when empty), link, or joint.
+        place: joint of a gear (all gears alike when empty), or joint.
         low, high: the range; equal to the ends of `values` where those are given.
         count: number of values on a grid.
         logarithmic: whether a grid and random samples are even in the logarithm.
@@ -57,9 +56,8 @@ class SweepParameter:
         """Check the range."""
         if self.name not in (*NAMES, "gearbox"):
             raise DesignError(unknown_name("parameter", self.name, NAMES))
-        if self.name in (*LINK_PARAMETERS, "joint") and not self.place:
-            what = "joint" if self.name == "joint" else "link"
-            raise DesignError(f"{self.name}: name the {what}, as in {self.name}.NAME=LOW:HIGH.")
+        if self.name == "joint" and not self.place:
+            raise DesignError("joint: name the joint, as in joint.NAME=LOW:HIGH.")
         if not (np.isfinite(self.low) and np.isfinite(self.high) and self.low <= self.high):
             raise DesignError(f"{self.column}={self.low:g}:{self.high:g} is no range.")
         if self.count < 1:
@@ -229,7 +227,7 @@ class Study:
         direction: along `axes`.
         samples: 0 for the full grid, else how many points of a scrambled Sobol sequence.
         seed: of the sequence.
-        load: force to hold [N], None for each design's own weight.
+        load: force to hold [N], None for the robot's weight.
         gearboxes: of a catalogue; each is one more design, for all gears alike. What a row leaves
             out stays the robot's own or what is swept; without a backward efficiency it is the
             wedge's 2 - 1/eta_f.
@@ -258,13 +256,9 @@ class Study:
         if not 0.0 <= (self.load or 0.0) < np.inf:
             raise DesignError(f"the load must be >= 0 and finite, got {self.load}.")
         robot = loaded(self.robot, self.contact)
-        known = {
-            **dict.fromkeys(GEAR_PARAMETERS, robot.transmission.joints),
-            **dict.fromkeys(LINK_PARAMETERS, robot.bodies),
-            "joint": robot.single_joints,
-        }
         for p in filter(lambda parameter: parameter.place, self.parameters):
-            require_known(DesignError, "place", p.place, known[p.name], p.column)
+            joints = robot.single_joints if p.name == "joint" else robot.transmission.joints
+            require_known(DesignError, "place", p.place, joints, p.column)
 
     @property
     def varied(self) -> tuple[SweepParameter, ...]:
@@ -311,13 +305,10 @@ class Study:
         count, gears = stop - start, robot.transmission
         q = np.tile(np.array(self.position), (count, 1))
         given = self._from_catalogue(values, gears) if self.gearboxes else {}
-        links: dict[str, dict[str, FloatArray]] = {"length": {}, "mass": {}}
         for parameter in self.parameters:
             column = values[parameter.column]
             if parameter.name == "joint":
                 q[:, robot.position_index(parameter.place)] = column
-            elif parameter.name in links:
-                links[parameter.name][parameter.place] = column
             else:
                 field = GEAR_PARAMETERS[parameter.name]
                 wide = given.setdefault(field, np.tile(getattr(gears, field), (count, 1)))
@@ -332,7 +323,7 @@ class Study:
             )
             given["forward_efficiency"] = told
             given["backward_efficiency"] = np.where(np.isnan(backward), other, backward)
-        return Designs.of(robot, q, given, links["length"], links["mass"])
+        return Designs.of(robot, q, given)
 
     def _from_catalogue(
         self, values: Mapping[str, FloatArray], gears: Transmission

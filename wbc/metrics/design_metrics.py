@@ -6,7 +6,7 @@ of `force_capability`, with the designs as the leading axis.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,6 @@ from wbc.metrics.force_capability import holding_torques, joule_heats, least_for
 from wbc.transmission import Direction
 
 _LOCKED = 1e-12  # the share of the conservative mobility below which there is none
-_BLOCK = 4096  # designs per block: the arrays of a block stay in the processor's cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,21 +71,16 @@ def design_metrics(
         contact: name of the contact point.
         direction: (n,) along `axes`.
         axes: world axes, each at most once, for example "xz".
-        load: force [N] to hold along the direction; each design's own weight when left out.
+        load: force [N] to hold along the direction; the robot's weight when left out.
 
     Raises:
         DynamicsError: axes that do not exist, a direction of zero.
         RobotError: no such contact.
     """
-    blocks = []
-    for start in range(0, designs.size, _BLOCK):
-        part = designs.part(start, start + _BLOCK)
-        task = designs_task(part, contact, axes)
-        n = task.direction(direction)
-        found = {**_inertias(task, n), **_forces(task, n, load)}
-        blocks.append({name: np.broadcast_to(x, (part.size,)) for name, x in found.items()})
-    names = [field.name for field in fields(DesignMetrics)]
-    return DesignMetrics(**{name: np.concatenate([b[name] for b in blocks]) for name in names})
+    task = designs_task(designs, contact, axes)
+    n = task.direction(direction)
+    found = {**_inertias(task, n), **_forces(task, n, load)}
+    return DesignMetrics(**{name: np.broadcast_to(x, designs.size) for name, x in found.items()})
 
 
 def _inertias(task: ContactTask, n: FloatArray) -> dict[str, FloatArray]:
@@ -113,12 +107,9 @@ def _inertias(task: ContactTask, n: FloatArray) -> dict[str, FloatArray]:
 
 def _forces(task: ContactTask, n: FloatArray, load: float | None) -> dict[str, FloatArray]:
     robot, gears, lever = task.designs.robot, task.designs.gears, task.levers(n)
-    unpowered, force = {**gears, "torque_limit": np.zeros((1, 1))}, np.full(1, load or 0.0)
-    if load is None:
-        masses = np.array([body.mass for body in robot.model.inertias])[1:]
-        field = float(np.linalg.norm(robot.model.gravity.linear))
-        force = task.designs.mass_scale @ masses * field
-    perfect, least = holding_torques(gears, task.torque_from_force @ n * force[:, None])
+    unpowered = {**gears, "torque_limit": np.zeros((1, 1))}
+    force = robot.weight if load is None else load
+    perfect, least = holding_torques(gears, task.torque_from_force @ n * force)
     return {
         "conventional": least_force(limits_of(gears, Direction.STUCK), lever),
         "lift": least_force(limits_of(gears, Direction.FORWARD), lever),
