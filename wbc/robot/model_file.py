@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
 from wbc.errors import RobotError, require_known
 
 _BASES = ("fixed", "free_flyer")
@@ -31,7 +30,7 @@ def read_model(path: Path, base: str, lock: Sequence[str]) -> tuple[pin.Model, t
     if base:
         require_known(RobotError, "base", base, _BASES, f"{path}")
     model = _parse(path, base)
-    notes = (*_set_aside(model, path), *check_inertias(path))
+    notes = (*_set_aside(model, path), *check_inertias(model, path))
     if base == "fixed" and _floats(model):
         # A file whose robot is free describes one that is held, too: without the free joint.
         notes = (*notes, f"{path.name}: its free joint was removed, since the base is fixed.")
@@ -209,11 +208,14 @@ def _of_mjcf(root: ET.Element) -> list[str]:
 
 
 _PRINTED = 1e-6  # of the largest principal value: digits of a printed matrix
-_AXES = "xyz"
 
 
-def check_inertias(path: Path) -> tuple[str, ...]:
-    """Check the inertias about the centre of mass that a URDF or MJCF file states.
+def check_inertias(model: pin.Model, path: Path) -> tuple[str, ...]:
+    """Check the inertias about the centres of mass of what moves: links, with those fixed to them.
+
+    Args:
+        model: of the links.
+        path: its file, for messages.
 
     Returns:
         Notes on links whose largest principal value is more than the sum of the others, which no
@@ -222,9 +224,12 @@ def check_inertias(path: Path) -> tuple[str, ...]:
     Raises:
         RobotError: an inertia that is not positive definite; a link would gain energy by turning.
     """
+    frames = reversed(model.frames.tolist())
+    bodies = {f.parentJoint: f.name for f in frames if f.type == pin.FrameType.BODY}
     notes = []
-    for link, inertia in _stated(path):
-        values, axes = np.linalg.eigh(inertia)
+    for number in range(1, model.njoints):
+        link = bodies.get(number, model.names[number])
+        values, axes = np.linalg.eigh(model.inertias[number].inertia)
         limit = _PRINTED * float(np.abs(values).max())
         principal = ", ".join(f"{value:.4g}" for value in values)
         if values[0] < -limit:
@@ -241,19 +246,3 @@ def check_inertias(path: Path) -> tuple[str, ...]:
                 f"values {principal} kg m^2 the largest exceeds the sum of the others."
             )
     return tuple(notes)
-
-
-def _stated(path: Path) -> Iterator[tuple[str, FloatArray]]:
-    """Yield (link, inertia (3, 3)) of a file; parts that an MJCF includes are not looked at."""
-    for link in xml_root(path).iter("link" if path.suffix == ".urdf" else "body"):
-        for element in link.findall("inertial"):
-            stated = element.find("inertia") if path.suffix == ".urdf" else element
-            if stated is None:
-                continue
-            inertia = np.zeros((3, 3))
-            full = [float(number) for number in stated.get("fullinertia", "").split()]
-            for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
-                key = f"i{_AXES[i]}{_AXES[j]}"
-                value = full[k] if len(full) == 6 else float(stated.get(key, 0.0))
-                inertia[i, j] = inertia[j, i] = value
-            yield link.get("name", ""), inertia
