@@ -26,7 +26,6 @@ from wbc.metrics import (
     directional_inertia,
     force_capability,
     impact_mitigation,
-    share_of_accelerations_forward,
 )
 from wbc.transmission import CompoundPlanetaryGear, Direction, wedge_backward_efficiency
 from wbc.view import LIGHT, Theme
@@ -59,13 +58,11 @@ def efficiencies(
 
 def main() -> dict[str, dict[str, float]]:
     """Return what the figures show, as numbers."""
-    found, fixed = inertia(), load_robot("planar_leg_fixed")
+    found = inertia()
     ratio = found.driven / found.forward_tensor
     shares = {
         "all gears drive forward [% of forces]": 100.0 * found.share_forward,
         "a gear stands still [% of forces]": 100.0 * float(found.stuck.any(axis=1).mean()),
-        "all drive forward [% of accelerations]": 100.0
-        * share_of_accelerations_forward(fixed, fixed.pose("paper"), "foot", "xz"),
         "exact over Forward-GIT, least": float(ratio.min()),
         "exact over Forward-GIT, most": float(ratio.max()),
     }

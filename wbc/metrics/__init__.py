@@ -26,6 +26,5 @@ from wbc.metrics.inertia import (
     forward_generalized_inertia as forward_generalized_inertia,
     generalized_inertia as generalized_inertia,
     impact_mitigation as impact_mitigation,
-    share_of_accelerations_forward as share_of_accelerations_forward,
 )
 from wbc.metrics.summary import Metric as Metric, summary as summary

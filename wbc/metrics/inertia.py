@@ -219,28 +219,6 @@ def directional_inertia(
     )
 
 
-def share_of_accelerations_forward(
-    robot: Robot, position: ArrayLike, contact: str, axes: str = "xyz"
-) -> float:
-    """Return the share of the directions of *acceleration* in which every gear drives forward.
-
-    The inverse question to `DirectionalInertia.share_forward`: which accelerations of the point
-    ask every motor for power. Fixed base, as many gears as axes.
-
-    Raises:
-        DynamicsError: another number of gears than of axes, or a singular pose.
-    """
-    task = contact_task(robot, position, contact, axes)
-    if robot.floating_size or len(axes) != robot.transmission.size:
-        raise DynamicsError("accelerations fix the joints only where gears and axes are equal.")
-    task.inverted(task.mobility(Direction.STUCK)[0], "the inertia tensor")
-    n = _directions(task, 3600)
-    joint = np.linalg.solve(task.jacobian[0], n.T)
-    torque = robot.transmission.topology.T @ (task.mass_matrix[0] @ joint)
-    power = torque * (robot.transmission.motor_from_joint @ joint)
-    return float((power > 0.0).all(axis=0).mean())
-
-
 def _mass(n: FloatArray, acceleration: FloatArray) -> FloatArray:
     return frozen(ratio(1.0, np.sum(n.T * acceleration, axis=0), 0.0, np.inf))
 

@@ -111,17 +111,6 @@ def cause_values(cause: Cause) -> FloatArray:
     return np.array([value for effect in cause for value in effect.values.values()])
 
 
-def passive_joints(robot: Robot) -> tuple[str, ...]:
-    """Return the joints without a gear that are no part of the base.
-
-    The joints of a base carry a driven joint and are carried by none.
-    """
-    model, above = robot.model, [set(supports) for supports in robot.model.supports]
-    geared = {model.getJointId(joint) for joint in robot.transmission.joints}
-    base = {k for g in geared for k in above[g] if not geared & above[k]}
-    return tuple(model.names[k] for k in range(1, model.njoints) if k not in geared | base)
-
-
 @dataclass(frozen=True, eq=False)
 class Rivals:
     """Causes of which one is true, on a robot with a gear on every joint.
@@ -157,7 +146,7 @@ class Rivals:
             raise DesignError(
                 "a cause is given twice; an experiment decides between different ones."
             )
-        passive = passive_joints(self.robot)
+        passive = self.robot.passive_joints
         if passive:
             raise DesignError(
                 f"'{self.robot.name}' has joints without a gear ({', '.join(passive)}): a planned "
