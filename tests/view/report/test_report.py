@@ -104,9 +104,10 @@ def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
     assert "no known effect explains (0.10 N m" in verdict_sentence(replace(unknown, findings=()))
     doubted = replace(diagnosis.findings[0].support, odds=0.1, group=0.1)
     tiny = tuple(replace(finding, support=doubted) for finding in diagnosis.findings)
-    several = replace(unknown, findings=tiny)
+    several = replace(unknown, findings=tiny, trait="0.5 N m at knee, which follows speed (80 %)")
     said = verdict_sentence(several)
     assert said.startswith("Something is missing in the model, and no cause of it is certain.")
+    assert "Together they add 0.5 N m at knee, which follows speed" in said
     assert re.search("at knee +0.400 +N m s/rad +doubtful\n +left", str(several))
     apart = OutputLevel("knee", "N m", 0.5, 0.5, 0.5, 0.42, excess=6.1)
     torn = replace(diagnosis, verdict="not_repeatable", outputs=(*diagnosis.outputs, apart))

@@ -27,6 +27,7 @@ from wbc.identification.answer.model_to_use import Answer, model_to_use
 from wbc.identification.answer.remainder import (
     Attainable,
     Remainder,
+    common_trait,
     describe,
     remainders,
 )
@@ -125,6 +126,8 @@ def diagnose(
     fit = trials.fit(final)
     left = remainders(problem, fit) if answer.more else ()
     findings = describe_findings(trials, answer)
+    doubtful = [key for key in final.keys if support[key].group_probability < EVEN]
+    several = len({name for name, _ in doubtful}) > 1
     known = {c.name: c for c in classes}
     asked = next_experiment(verdict, findings, left, problem.floor, known, problem.silent)
     asked = NOTHING_MOVES if nothing_moves else asked
@@ -155,6 +158,7 @@ def diagnose(
         sources=tuple(log.source for log in logs),
         silent=problem.silent,
         band=problem.records[0].bandwidth.residual,
+        trait=common_trait(problem, fit, doubtful) if several else "",
     )
 
 

@@ -390,6 +390,7 @@ class Diagnosis:
         band: [Hz] that was read of torques; NaN where it is not known.
         silent: joints whose drives report no torque of the motion; set aside unless no other drive
             reports.
+        trait: what several doubtful causes add together, in words; empty without several.
     """
 
     verdict: Verdict
@@ -409,6 +410,7 @@ class Diagnosis:
     sources: tuple[LogSource, ...] = ()
     silent: tuple[str, ...] = ()
     band: float = np.nan
+    trait: str = ""
 
     def effect_rows(self) -> TextTable:
         """Return the effects found, the doubtful last, each kind of them in one line."""
@@ -544,6 +546,7 @@ class Diagnosis:
             "joints": {o.output: o for o in self.outputs},
             "steps": self.steps,
             "remainder": self.remainder,
+            "trait": self.trait,
             "warnings": self.warnings,
             "ranking": [row.to_json() for row in self.ranking],
             "correlation": {

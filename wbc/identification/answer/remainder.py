@@ -10,6 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.answer.shown import plain
+from wbc.identification.choice.evidence import Key
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import condensed_residual
@@ -170,8 +171,7 @@ class Remainder:
         """One sentence."""
         many = "more than 100" if self.floors > _MANY else plain(self.floors, 2)
         text = f"{self.output}: {self.size:.2g} {self.unit} left, {many} times the noise floor, "
-        said = [f"{name} ({100.0 * share:.0f} %)" for name, share in self.clues]
-        return text + (f"follows {', '.join(said)}." if said else "follows no single variable.")
+        return f"{text}{_follows(self.clues)}."
 
     @property
     def experiment(self) -> str:
@@ -221,9 +221,44 @@ def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
     return tuple(result)
 
 
+def _follows(clues: Sequence[tuple[str, float]]) -> str:
+    """Return on which variables a torque depends, in words."""
+    said = [f"{name} ({100.0 * share:.0f} %)" for name, share in clues]
+    return f"follows {', '.join(said)}" if said else "follows no single variable"
+
+
 def describe(left: Sequence[Remainder]) -> str:
     """Return a sentence per output: how much is left, and on what it depends."""
     return " ".join(one.text for one in left)
+
+
+def common_trait(problem: EstimationProblem, fit: Fit, causes: Sequence[Key]) -> str:
+    """Return how much torque some causes of a fit add together, and on what it depends, in words.
+
+    Several small causes may stand for one that is in no list: what they share tells more of it than
+    each of them does.
+
+    Args:
+        problem: the logs.
+        fit: with these causes and others.
+        causes: names and places of some of them.
+    """
+    without = problem.robot.with_effects(*(e for e in fit.effects if e.key not in causes))
+    records, robot = problem.records, problem.robot
+    parts = [
+        condensed_residual(without, [record]) - condensed_residual(fit.robot, [record])
+        for record in records
+    ]
+    sizes = np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0))
+    floors = sizes / problem.floor.values
+    floors[list(problem.floor.aside)] = 0.0
+    worst = int(np.argmax(floors))
+    name = output_names(robot)[worst]
+    own = [b for b in breakdowns(records, parts) if b.output == name and b.share > _DEPENDS]
+    follows = _follows([(b.variable, b.share) for b in own[:FEW]])
+    return (
+        f"{plain(float(sizes[worst]), 2)} {output_units(robot)[worst]} at {name}, which {follows}"
+    )
 
 
 def _elsewhere(

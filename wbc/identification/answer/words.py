@@ -104,7 +104,8 @@ def _doubt(diagnosis: Diagnosis) -> str:
     if not places:
         return ""
     said = joined([spoken(n) + (f" at {k} places" if k > 1 else "") for n, k in places.items()])
-    together = " One other cause may do all of it." if len(places) > 1 else ""
+    trait = diagnosis.trait
+    together = f" Together they add {trait}: one other cause may do all of it." if trait else ""
     return (
         f"Doubtful: {said}. The model predicts better with this torque, but the name may stand in "
         f"for something else.{together}"
