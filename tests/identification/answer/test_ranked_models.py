@@ -16,7 +16,6 @@ from wbc.effects import (
     EFFECTS,
     CoulombFriction,
     DirectionalViscousFriction,
-    JointSpring,
     PayloadMass,
     TorqueOffset,
     ViscousFriction,
@@ -48,24 +47,18 @@ def test_the_true_robot_is_best_and_the_others_are_told_from_it(logs: list[Log])
         "almost": TRUE.with_effect(CoulombFriction("hip", 1e-4)),
     }
     ranked = {c.name: c for c in rank_robots(robots, logs)}
-    assert {ranked[name].rank for name in ("true", "almost")} == {1, 2}
+    assert set([*ranked][:2]) == {"true", "almost"}
     assert {ranked[name].standing for name in ("true", "almost")} == {"best", "not distinguishable"}
     assert ranked["true"].error == pytest.approx(1.0, abs=0.25)
-    assert ranked["too little"].rank == 3
+    assert [*ranked][2] == "too little"
     assert ranked["given"].standing == "worse"
     assert ranked["given"].difference > 2.0 * ranked["given"].deviation
-    assert ranked["almost"].parameters == 2
     # Beside others a robot leaves what it leaves alone.
     alone = {name: compare(robot, logs).error for name, robot in robots.items()}
     assert {name: one.error for name, one in ranked.items()} == pytest.approx(alone, rel=1e-9)
 
 
-def test_a_number_at_its_bound_is_said(logs: list[Log]) -> None:
-    stiff = GIVEN.with_effect(JointSpring.at("knee", {"stiffness": 0.0, "rest": 0.0}))
-    assert rank_robots({"stiff": stiff}, logs)[0].warnings == ()
-    extreme = GIVEN.with_effect(ViscousFriction("knee", ViscousFriction.parameters[0].high))
-    (warning,) = rank_robots({"x": extreme}, logs)[0].warnings
-    assert "coefficient of viscous_friction at knee" in warning
+def test_robots_without_the_same_joints_are_not_ranked(logs: list[Log]) -> None:
     with pytest.raises(IdentificationError, match="no robot"):
         rank_robots({}, logs)
     with pytest.raises(IdentificationError, match="'other' and 'one' have different joints"):

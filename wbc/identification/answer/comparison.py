@@ -230,27 +230,17 @@ class Contestant:
 
     Attributes:
         name: as given.
-        rank: 1 for the smallest error.
         error: root mean square of all outputs in noise floors.
         difference: mean square minus that of the best robot [floors^2].
         deviation: standard error of the difference, blocks of the logs being the observations.
-        parameters: how many numbers its effects hold; more are believed less easily.
         standing: `best`, `worse`, or `not distinguishable` from the best.
-        warnings: effects with a number at its bound.
     """
 
     name: str
-    rank: int
     error: float
     difference: float
     deviation: float
-    parameters: int
     standing: str
-    warnings: tuple[str, ...] = ()
-
-    def to_json(self) -> dict[str, Any]:
-        """Return plain texts and numbers."""
-        return dict(as_json(self))
 
 
 def rank_robots(robots: Mapping[str, Robot], logs: Sequence[Log]) -> tuple[Contestant, ...]:
@@ -272,26 +262,18 @@ def rank_robots(robots: Mapping[str, Robot], logs: Sequence[Log]) -> tuple[Conte
     squares = {name: _squares(problem, robot) for name, robot in robots.items()}
     order = sorted(squares, key=lambda name: float(squares[name].mean()))
     best, ranked = squares[order[0]], []
-    for rank, name in enumerate(order, start=1):
-        own, effects = squares[name], robots[name].effects
+    for name in order:
+        own = squares[name]
         blocks = problem.block_means((own - best).mean(axis=1))
         deviation = float(np.std(blocks, ddof=1) / np.sqrt(blocks.size))
         difference = float(own.mean() - best.mean())
         clear = difference > _STANDARD_ERRORS * deviation
         contestant = Contestant(
             name=name,
-            rank=rank,
             error=float(np.sqrt(own.mean())),
             difference=difference,
             deviation=deviation,
-            parameters=sum(effect.search.freedom(effect) for effect in effects),
-            standing="best" if rank == 1 else "worse" if clear else "not distinguishable",
-            warnings=tuple(
-                f"{p.name} of {effect.name} at {effect.where} is at its bound"
-                for effect in effects
-                for p in effect.parameters
-                if effect.values[p.name] in (p.low, p.high) and effect.values[p.name] != p.null
-            ),
+            standing="best" if name == order[0] else "worse" if clear else "not distinguishable",
         )
         ranked.append(contestant)
     return tuple(ranked)

@@ -25,17 +25,6 @@ from wbc.robot.model_file import driven_joints, read_model, xml_root
 
 _LOGS = 4  # of a file that are looked at: a guess needs no more
 _ROUNDS = 6  # of corrections, one upon another
-_OF_MOTION = (
-    "wrap",
-    "stale",
-    "missing",
-    "time_unit",
-    "velocity_unit",
-    "velocity_sign",
-    "gear_side",
-    "degrees",
-    "counts",
-)
 _LACKS = ("joints_unknown", "no_torque")  # what is not there is not guessed twice
 _DIRECT = 0.1
 """How close to 1 a ratio may be: a motor's motion is often reported in units of the joint, and then
@@ -87,9 +76,7 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Row
         ]
         if not doubts or not left:
             break
-        # What contradicts itself within a log comes before what the torques say.
-        inner = [f for f in doubts if f.kind in _OF_MOTION]
-        said = {repr(f.mend): f for f in reversed(inner or doubts)}
+        said = {repr(f.mend): f for f in reversed(doubts)}
         for finding in reversed(said.values()):
             table = merged(table, finding.mend)
             reasons.append(f"{finding.text} (probability {finding.probability:.2f})")

@@ -388,9 +388,9 @@ def _closer(text: str, judged: _Tables) -> bool:
     """Whether a reading brings reports closer to the need.
 
     A correction that does not, explains the reports by its gain and friction, and not by the links.
-    Nor does an exchange take a joint's columns away whose report follows its need already, or
-    explain less than before. Joints have errors of their own size: a report of friction alone
-    strays a hundred times as far as one that follows its need, and does not outweigh it.
+    Nor is an exchange true that explains less than before. Joints have errors of their own size: a
+    report of friction alone strays a hundred times as far as one that follows its need, and does
+    not outweigh it.
     """
     if any(table[text].reading.exchanged for table in judged.values()):
         now, then = _explained(text, judged)
@@ -401,8 +401,6 @@ def _closer(text: str, judged: _Tables) -> bool:
         both = as_is, read = table[""], table[text]
         for k in _changed(*both):
             farther = float(np.log(read.strays[:, k] / as_is.strays[:, k]).sum())
-            if k in read.reading.exchanged and as_is.reports[k].left < _DOUBTFUL and farther > 0.0:
-                return False
             # What follows no need, read in either way, strays as chance has it.
             if min(one.reports[k].left for one in both) < _LOST:
                 nearer -= farther
