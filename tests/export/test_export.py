@@ -57,29 +57,6 @@ def test_mujoco_moves_the_exported_leg_as_our_plant_does() -> None:
     assert np.abs(ours(bare, q) - here).max() > 0.1
 
 
-@pytest.mark.parametrize("name", ["planar_leg_fixed", "planar_leg", "staubli_tx40", "solo12"])
-def test_urdf_reads_back_with_the_same_links(name: str, tmp_path: Path) -> None:
-    robot = load_robot(name)
-    if name == "planar_leg_fixed":
-        drawing = effects.LinkInertia.at("shin", {"alpha": 0.1})
-        robot = robot.with_effects(drawing, effects.ViscousFriction("hip", 2))
-    path = export_robot(robot, "urdf").write(tmp_path / "robot.urdf")
-    root = (pin.JointModelFreeFlyer(),) if robot.has_free_flyer else ()
-    model = pin.buildModelFromUrdf(str(path), *root)
-    assert list(model.names)[2:] == list(robot.model.names)[2:]
-    random, data, own = np.random.default_rng(0), model.createData(), robot.model.createData()
-    model.gravity.linear = robot.model.gravity.linear
-    for _ in range(5):
-        q = pin.integrate(robot.model, robot.neutral(), random.uniform(-1, 1, model.nv))
-        v, a = random.standard_normal((2, model.nv))
-        mine = pin.rnea(robot.model, own, q, v, a)
-        np.testing.assert_allclose(pin.rnea(model, data, q, v, a), mine, atol=1e-9, rtol=1e-9)
-    if name == "planar_leg_fixed":
-        assert model.damping[0] == pytest.approx(2.0)
-    for contact in robot.contacts:
-        assert model.existFrame(contact.name)
-
-
 KINDS = ["ricmonk", "tiago", "anymal", "solo12", "talos", "staubli_tx40", "differential_biped"]
 
 
@@ -116,7 +93,7 @@ def test_mujoco_accelerates_a_fitted_robot_as_our_plant_does(name: str) -> None:
     np.testing.assert_allclose(mine, theirs, atol=1e-4 * np.abs(theirs).max())
 
 
-@pytest.mark.parametrize("to", ["mujoco", "mjcf", "urdf"])
+@pytest.mark.parametrize("to", ["mujoco", "mjcf"])
 def test_no_effect_is_left_out_in_silence(to: str) -> None:
     """Each changes the file's numbers, or stands in its list; a supply's power did neither."""
     leg, coupled = (load_robot(n).lossless() for n in ("planar_leg_fixed", "parallelogram_leg"))
@@ -136,16 +113,16 @@ def test_a_drive_that_depends_on_more_than_its_torque_has_no_gain() -> None:
     A delay alone was listed as a motor that gives 1 times what it is asked for.
     """
     leg = load_robot("planar_leg_fixed").lossless()
-    plain = export_robot(leg, "urdf")
+    plain = export_robot(leg, "mjcf")
     for effect in (
         effects.VoltageScaling("knee", 1.0, 48.0),
         effects.SupplySag("robot", 0.01),
         effects.ThermalDrift("knee", 0.02, 5.0),
     ):
-        exported = export_robot(leg.with_effect(effect), "urdf")
+        exported = export_robot(leg.with_effect(effect), "mjcf")
         assert exported.notes == plain.notes
         assert set(exported.unsaid) - set(plain.unsaid) == {effect.said()}
-    late = export_robot(leg.with_effects(effects.ActuationDelay("knee", 0.005)), "urdf")
+    late = export_robot(leg.with_effects(effects.ActuationDelay("knee", 0.005)), "mjcf")
     assert late.unsaid == plain.unsaid
     assert "delay of knee: 0.005 s" in late.notes[0]
 

@@ -88,7 +88,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--pose": _option("NAME|J=V,...", "a named pose or joint positions [rad, m]"),
     "--axes": _option(None, "world axes (default xz)", default="xz"),
     "--load": _number("N", "force to hold [N]; default: the robot's weight"),
-    "--to/format": _choice("format of the file", "mujoco", "mjcf", "urdf", required=True),
+    "--to/format": _choice("format of the file", "mujoco", "mjcf", required=True),
     "--file": _option("FILE", "to write; default: the robot's name"),
     # design
     "--sweep": _several(

@@ -129,13 +129,12 @@ def _entry(value: Any) -> str:
 
 def run_export(options: Options, console: Console) -> Outcome:
     """Write the robot as a file of another simulator, and print what is not in it."""
-    from wbc.export import FORMATS, export_robot, losses_path
+    from wbc.export import export_robot, losses_path
 
     robot = load_robot(options.robot)
-    ending = FORMATS[options.to]
-    options.file = options.file or f"{robot.name}{ending}"
-    if Path(options.file).suffix.lower() != ending:
-        raise WbcError(f"--file '{options.file}': {options.to} wants a name that ends in {ending}.")
+    options.file = options.file or f"{robot.name}.xml"
+    if Path(options.file).suffix.lower() != ".xml":
+        raise WbcError(f"--file '{options.file}': MJCF wants a name that ends in .xml.")
     require_outputs(options, ["--file", "--json"])
     exported = export_robot(robot, options.to)
     path = exported.write(options.file)

@@ -1,7 +1,6 @@
 """A robot with its effects, written for the simulators that people train in."""
 
 from wbc.export.export import (
-    FORMATS as FORMATS,
     Exported as Exported,
     export_robot as export_robot,
     losses_path as losses_path,
