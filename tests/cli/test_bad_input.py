@@ -51,7 +51,6 @@ BAD = [
     ("design planar_leg --sweep reduction=6:160 --objective speed:max", "Unknown objective"),
     ("design planar_leg --sweep reduction=6:160 --objective lift:more", "lift:max or lift:min"),
     ("design planar_leg --sweep reduction=6:160 --sweep reduction=6:9", "swept twice"),
-    ("design planar_leg --sweep reduction=6:160 --samples -1", ">= 0"),
     ("design planar_leg --sweep reduction=6:160 --load -5", "the load must be >= 0"),
 ]
 

@@ -82,18 +82,14 @@ def test_the_table_holds_every_design_once_with_its_metrics(tmp_path: Path) -> N
     assert field.metadata == {b"unit": b"N"}
 
 
-def test_samples_follow_their_seed_however_many_are_evaluated_at_once(
+def test_a_table_is_the_same_however_many_designs_are_evaluated_at_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    chosen, other = study(samples=300, seed=4), study(samples=300, seed=5)
-    whole = design.run_study(chosen, tmp_path / "one.parquet")
-    drawn = design.run_study(other, tmp_path / "other.parquet")["reduction"]
+    whole = design.run_study(study(), tmp_path / "one.parquet")
     monkeypatch.setattr("wbc.design.stored._CHUNK", 37)
-    np.testing.assert_equal(design.run_study(chosen, tmp_path / "two.parquet"), whole)
+    np.testing.assert_equal(design.run_study(study(), tmp_path / "two.parquet"), whole)
     one, two = ((tmp_path / name).read_bytes() for name in ("one.parquet", "two.parquet"))
     assert one == two
-    assert not np.array_equal(whole["reduction"], drawn)
-    assert drawn.min() >= 6.0
 
 
 UNLIMITED = ("forward_efficiency=0.6:0.9:3", "holding_torque:min")

@@ -70,8 +70,6 @@ def _study(options: Options) -> design.Study:
         position=tuple(pose_from(robot, options.pose).tolist()),
         axes=options.axes,
         direction=tuple(upward(options.axes).tolist()),
-        samples=options.samples,
-        seed=options.seed,
         load=options.load,
         gearboxes=design.choose_gearboxes(options.gearbox, known) if options.gearbox else (),
     )

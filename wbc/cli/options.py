@@ -96,8 +96,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     ),
     "--gearbox": _option("NAME,...|all", "gearboxes of the catalogue (`wbc list gearboxes`)"),
     "--catalogue": _option("FILE.csv", "another catalogue of gearboxes"),
-    "--samples": _number("N", "N Sobol samples instead of a grid", 0),
-    "--seed": _number(None, "of samples and of the search (default 0)", 0),
+    "--seed": _number(None, "of the search (default 0)", 0),
     "--objective": _several(
         "COLUMN:max|min",
         "goals of the front; default lift:max (holding_torque:min without torque limits)"
@@ -209,7 +208,7 @@ Without --html the page opens in the browser.""",
     "design": Subcommand(
         "sweep gears and pose: maps and the best compromises",
         "robot --sweep --gearbox --catalogue"
-        f" --samples --seed {_SITE} --objective --out/designs --figures"
+        f" {_SITE} --objective --out/designs --figures"
         " --theme --json",
         """parameters: reduction, forward_efficiency, backward_efficiency, rotor_inertia,
 rotor_friction, torque_limit, joint.JOINT;

@@ -7,7 +7,6 @@ of numbers with their sources.
 from __future__ import annotations
 
 import csv
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
@@ -40,7 +39,7 @@ class SweepParameter:
         place: joint of a gear (all gears alike when empty), or joint.
         low, high: the range; equal to the ends of `values` where those are given.
         count: number of values on a grid.
-        logarithmic: whether a grid and random samples are even in the logarithm.
+        logarithmic: whether the grid is even in the logarithm.
         values: the values themselves where they were listed, else empty.
     """
 
@@ -84,15 +83,6 @@ class SweepParameter:
             return np.array([self.low])
         spaced = np.geomspace if self.logarithmic else np.linspace
         return np.asarray(spaced(self.low, self.high, self.count))
-
-    def at(self, share: FloatArray) -> FloatArray:
-        """Return the values at shares in [0, 1) of the range."""
-        if self.values:
-            places = np.minimum((share * len(self.values)).astype(np.int_), len(self.values) - 1)
-            return np.asarray(np.array(self.values)[places])
-        if self.logarithmic:
-            return np.asarray(self.low * (self.high / self.low) ** share)
-        return np.asarray(self.low + (self.high - self.low) * share)
 
 
 def parse_sweep(text: str) -> SweepParameter:
@@ -216,7 +206,7 @@ _UNITS = {
 
 @dataclass(frozen=True)
 class Study:
-    """Designs of one robot: a full grid of the parameters, or quasi-random samples of them.
+    """Designs of one robot: a full grid of the parameters.
 
     Attributes:
         robot: shipped robot's name or path of its description.
@@ -225,8 +215,6 @@ class Study:
         position: q of the pose that the designs share.
         axes: world axes; one-direction metrics go along `direction`.
         direction: along `axes`.
-        samples: 0 for the full grid, else how many points of a scrambled Sobol sequence.
-        seed: of the sequence.
         load: force to hold [N], None for the robot's weight.
         gearboxes: of a catalogue; each is one more design, for all gears alike. What a row leaves
             out stays the robot's own or what is swept; without a backward efficiency it is the
@@ -239,8 +227,6 @@ class Study:
     position: tuple[float, ...]
     axes: str = "xz"
     direction: tuple[float, ...] = (0.0, 1.0)
-    samples: int = 0
-    seed: int = 0
     load: float | None = None
     gearboxes: tuple[Gearbox, ...] = ()
 
@@ -251,8 +237,6 @@ class Study:
             raise DesignError("a study varies at least one parameter; give --sweep NAME=LOW:HIGH.")
         if len(set(columns)) != len(columns):
             raise DesignError(f"a parameter is swept twice: {', '.join(columns)}.")
-        if self.samples < 0:
-            raise DesignError(f"samples must be >= 0, got {self.samples}.")
         if not 0.0 <= (self.load or 0.0) < np.inf:
             raise DesignError(f"the load must be >= 0 and finite, got {self.load}.")
         robot = loaded(self.robot, self.contact)
@@ -272,23 +256,10 @@ class Study:
     @property
     def size(self) -> int:
         """Number of designs."""
-        if self.samples:
-            return self.samples
         return int(np.prod([len(parameter.grid) for parameter in self.varied]))
 
     def values(self, start: int, stop: int) -> dict[str, FloatArray]:
         """Return the parameters of designs `start` to before `stop` by column."""
-        if self.samples:
-            from scipy.stats import qmc  # which takes longer to load than all of this room
-
-            sequence = qmc.Sobol(len(self.varied), scramble=True, rng=self.seed)
-            if start:
-                sequence.fast_forward(start)
-            with warnings.catch_warnings():
-                # Any part of the sequence serves here, not only powers of two.
-                warnings.simplefilter("ignore", UserWarning)
-                shares = sequence.random(stop - start)
-            return {p.column: p.at(shares[:, i]) for i, p in enumerate(self.varied)}
         grids = [parameter.grid for parameter in self.varied]
         places = np.unravel_index(np.arange(start, stop), [len(grid) for grid in grids])
         return {

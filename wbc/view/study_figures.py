@@ -41,7 +41,7 @@ def design_map(
 ) -> Figure:
     """Return one panel per metric over the first one or two parameters of a study.
 
-    Two parameters on a full grid give a coloured map; random samples, or more parameters, give
+    Two parameters give a coloured map; more of them, or gearboxes of a catalogue, give
     coloured points; one parameter gives a line.
 
     Args:
