@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import final
 
 import numpy as np
 import pinocchio as pin
@@ -67,69 +67,45 @@ def _unit_twist(robot: Robot, joint: str) -> tuple[FloatArray, FloatArray]:
 class JointMap:
     """Turns values of joints in an order of their own into states of a robot, and torques back.
 
-    Make it with `of` (names in any order, as in a URDF or a ROS `JointState`) or `of_mujoco`. The
-    foreign software may know more joints than the robot (grippers that are locked here); those are
-    left out on the way in and get zero on the way out.
+    Make it with `of`. The foreign software may know more joints than the robot (grippers that are
+    locked here); those are left out on the way in and get zero on the way out.
 
     Attributes:
         robot: the robot.
         names: joints of the foreign software, in its order.
-        positions: where in the foreign position array the robot's one-degree joints stand (j,).
-        velocities: the same in the foreign velocity array (j,).
+        places: where among them the robot's one-degree joints stand (j,).
+        positions, velocities: their rows of q and v (j,).
     """
 
     robot: Robot
     names: tuple[str, ...]
+    places: IntArray
     positions: IntArray
     velocities: IntArray
-    _into_q: IntArray
-    _into_v: IntArray
-    _motors: IntArray
 
     @classmethod
     def of(cls, robot: Robot, names: Sequence[str]) -> JointMap:
-        """Return the map of one-degree joints whose values come in the order of `names`.
+        """Return the map of one-degree joints, by names in any order, as in a ROS `JointState`.
 
         Raises:
             RobotError: a joint of the robot is missing among them, or stands there twice.
         """
-        places = list(range(len(names)))
-        return cls._made(robot, tuple(names), places, places)
-
-    @classmethod
-    def of_mujoco(cls, robot: Robot, model: Any) -> JointMap:
-        """Return the map of `qpos` and `qvel` of a `mujoco.MjModel`; joints go by their names.
-
-        Raises:
-            RobotError: a joint of the robot is missing in the model.
-        """
-        names = tuple(model.joint(i).name for i in range(model.njnt))
-        return cls._made(robot, names, list(model.jnt_qposadr), list(model.jnt_dofadr))
-
-    @classmethod
-    def _made(
-        cls, robot: Robot, names: tuple[str, ...], q: Sequence[int], v: Sequence[int]
-    ) -> JointMap:
-        own = robot.single_joints
+        known, own = tuple(names), robot.single_joints
         for joint in own:
-            if joint not in names:
+            if joint not in known:
                 raise RobotError(
                     f"joint '{joint}' of '{robot.name}' is missing among the names: "
-                    f"{', '.join(names) or '(none)'}. Weld it with `lock` in robot.toml if "
+                    f"{', '.join(known) or '(none)'}. Weld it with `lock` in robot.toml if "
                     "nothing moves it."
                 )
-            if names.count(joint) > 1:
-                raise RobotError(f"joint '{joint}' stands {names.count(joint)} times in the names.")
-        places = [names.index(joint) for joint in own]
-        driven = [own.index(joint) for joint in robot.transmission.joints]
+            if known.count(joint) > 1:
+                raise RobotError(f"joint '{joint}' stands {known.count(joint)} times in the names.")
         return cls(
             robot,
-            names,
-            frozen([q[i] for i in places], np.int_),
-            frozen([v[i] for i in places], np.int_),
+            known,
+            frozen([known.index(joint) for joint in own], np.int_),
             frozen([robot.position_index(joint) for joint in own], np.int_),
             frozen([robot.velocity_index(joint) for joint in own], np.int_),
-            frozen([v[places[i]] for i in driven], np.int_),
         )
 
     def motion(
@@ -138,7 +114,8 @@ class JointMap:
         """Return the state behind joint positions and velocities in the foreign order.
 
         Args:
-            position, velocity: of all foreign joints [rad, rad/s].
+            position, velocity: of all foreign joints [rad, rad/s]. Of a MuJoCo model with a free
+                joint first these are `qpos[7:]` and `qvel[6:]`.
             base: of a free-flyer; the neutral pose at rest when left out.
 
         Raises:
@@ -147,26 +124,14 @@ class JointMap:
         robot = self.robot
         given, rates = np.asarray(position, dtype=np.float64), np.asarray(velocity, np.float64)
         q, v = robot.neutral(), np.zeros(robot.model.nv)
-        q[self._into_q], v[self._into_v] = given[self.positions], rates[self.velocities]
+        q[self.positions], v[self.velocities] = given[self.places], rates[self.places]
         if base is not None:
             if not robot.has_free_flyer:
                 raise RobotError(f"'{robot.name}' has no free base; leave its state out.")
             q[:7], v[:6] = base.position, base.velocity
         return Motion(q, v)
 
-    def motion_of_mujoco(self, data: Any) -> Motion:
-        """Return the state of a `mujoco.MjData`: quaternion w first, base velocity in the world.
-
-        The free joint, where the robot has a free-flyer, is MuJoCo's first one.
-        """
-        base = None
-        if self.robot.has_free_flyer:
-            w, x, y, z = data.qpos[3:7]
-            quaternion = np.array([x, y, z, w])
-            base = BaseState.of(data.qpos[:3], quaternion, data.qvel[:3], data.qvel[3:6])
-        return self.motion(data.qpos, data.qvel, base)
-
-    def torques(self, rotor_torque: ArrayLike, size: int | None = None) -> FloatArray:
+    def torques(self, rotor_torque: ArrayLike) -> FloatArray:
         """Return joint torques in the foreign order, N tau_phi behind D, zero for other joints.
 
         For a plant whose joints are driven without gears, which do not lose anything; rotors that
@@ -174,12 +139,11 @@ class JointMap:
 
         Args:
             rotor_torque: tau_phi (m,) [N m], as `Command.rotor_torque`.
-            size: length of the result; that of the names when left out (MuJoCo: `model.nv`).
         """
-        gears = self.robot.transmission
-        motor = gears.gear_ratio * np.asarray(rotor_torque, dtype=np.float64)
-        result = np.zeros(len(self.names) if size is None else size)
-        result[self._motors] = gears.motor_from_joint.T @ motor
+        on_joints, result = np.zeros(self.robot.model.nv), np.zeros(len(self.names))
+        motor = self.robot.transmission.gear_ratio * np.asarray(rotor_torque, dtype=np.float64)
+        on_joints[self.robot.actuated] = self.robot.transmission.motor_from_joint.T @ motor
+        result[self.places] = on_joints[self.velocities]
         return result
 
 
