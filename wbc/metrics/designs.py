@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, checked, frozen
-from wbc.dynamics import Workspace
+from wbc.dynamics import Workspace, evaluate
+from wbc.dynamics.equation import rotor_coupling
 from wbc.errors import DynamicsError, RobotError, TransmissionError, require_known
 from wbc.robot import ContactPoint, Robot
 from wbc.transmission import GEAR_NUMBERS, Direction, wedge_backward_efficiency
@@ -257,26 +257,20 @@ def contact_task(robot: Robot, position: ArrayLike, contact: str, axes: str = "x
 def designs_task(designs: Designs, contact: str, axes: str = "xyz") -> ContactTask:
     """Return the task of one contact point of every design; errors as of `contact_task`."""
     upward(axes)
-    robot, space = designs.robot, Workspace(designs.robot)
-    model, data = space.model, space.data
-    frame = space.frames[robot.contacts.index(robot.contact(contact))]
-    mounting = robot.mounting if robot.rotors_turn_with_links else None
-    count = len(designs.position)
-    inertia = np.zeros((count, model.nv, model.nv))
-    jacobian = np.zeros((count, 3, model.nv))
-    spin = np.zeros((count, robot.transmission.size, model.nv))
-    world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    for i, q in enumerate(designs.position):
-        inertia[i] = pin.crba(model, data, q, pin.Convention.WORLD)
-        pin.computeJointJacobians(model, data, q)
-        # With one coordinate pinocchio returns a vector.
-        jacobian[i] = pin.getFrameJacobian(model, data, frame, world)[:3].reshape(3, -1)
-        if mounting is not None:
-            for gear, housing in enumerate(mounting.housing.tolist()):
-                turning = pin.getJointJacobian(model, data, housing, world)[3:].reshape(3, -1)
-                spin[i, gear] = data.oMi[housing].rotation @ mounting.axis[gear] @ turning
-    whole = np.triu(inertia) + np.swapaxes(np.triu(inertia, 1), 1, 2)
-    return ContactTask(designs, contact, axes, whole, jacobian, None if mounting is None else spin)
+    robot, gears = designs.robot, designs.robot.transmission
+    row = 3 * robot.contacts.index(robot.contact(contact))
+    # What rotors and housings ask of one another, per rotor inertia, in which designs differ.
+    unit = robot.with_transmission(gears.replace(rotor_inertia=np.ones(gears.size)))
+    space, rest = Workspace(unit), np.zeros(robot.model.nv)
+    inertia, jacobian, spin = list[FloatArray](), list[FloatArray](), list[FloatArray]()
+    for q in designs.position:
+        terms = evaluate(unit, q, rest, space)
+        inertia.append(terms.mass_matrix)
+        jacobian.append(terms.contact_jacobian[row : row + 3])
+        if robot.rotors_turn_with_links:
+            spin.append(rotor_coupling(unit, rest, terms.data).inertia)
+    arrays = np.array(inertia), np.array(jacobian), np.array(spin) if spin else None
+    return ContactTask(designs, contact, axes, *arrays)
 
 
 def upward(axes: str) -> FloatArray:
