@@ -3,7 +3,8 @@
 Handing an array over to a compiled function takes 0.1 us, as long as a small robot's work on it: a
 tick reads some hundred. A structure is handed over as one pointer to where its arrays lie, holds
 them for as long as it lives, and cannot change them for others, so that nothing is read stale.
-Structures may hold structures.
+Structures may hold structures. Machine code makes them, too, from arrays that it takes from a
+`Heap`.
 """
 
 from __future__ import annotations
@@ -18,10 +19,9 @@ from llvmlite import ir
 from numba import types
 from numba.core.imputils import lower_getattr_generic
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
-from numba.extending import NativeValue, models, register_model, unbox
+from numba.extending import NativeValue, intrinsic, models, register_model, unbox
 from numba.np.arrayobj import populate_array
 
-from wbc.arrays import frozen
 from wbc.compiled import kind_of
 
 _Tuple = TypeVar("_Tuple", bound=tuple[Any, ...])
@@ -60,7 +60,7 @@ class _Fields(AttributeTemplate):  # type: ignore[misc]
 
 @lower_getattr_generic(_Kind)  # type: ignore[untyped-decorator]
 def _field(target: Any, builder: Any, kind: Any, words: Any, name: str) -> Any:
-    """Return a field: an array that is not owned, a structure, or a whole number."""
+    """Return a field: an array that is not owned, a structure, or a number."""
     found, first = kind.fields[name], kind.places[name]
 
     def word(place: int) -> Any:
@@ -69,6 +69,8 @@ def _field(target: Any, builder: Any, kind: Any, words: Any, name: str) -> Any:
 
     if isinstance(found, _Kind):
         return builder.inttoptr(word(0), words.type)
+    if isinstance(found, types.Float):
+        return builder.bitcast(word(0), target.get_value_type(found))
     if isinstance(found, types.Integer | types.Boolean):
         return builder.trunc(word(0), target.get_value_type(found))
     array = target.make_array(found)(target, builder)
@@ -81,6 +83,44 @@ def _field(target: Any, builder: Any, kind: Any, words: Any, name: str) -> Any:
         meminfo=None,
     )
     return array._getvalue()
+
+
+WORDS = 160
+"""Of the largest structure that machine code makes."""
+
+
+def _kept(context: Any, memory: Any, values: Any) -> Any:
+    """Return a NamedTuple as its structure, whose words are written to memory (WORDS,).
+
+    It lives as long as this memory and its arrays do.
+    """
+    found = values.instance_class.structure.kind
+
+    def build(target: Any, builder: Any, signature: Any, given: Any) -> Any:
+        whole = ir.IntType(64)
+        first = builder.bitcast(
+            target.make_array(memory)(target, builder, given[0]).data, whole.as_pointer()
+        )
+        for number, (name, kind) in enumerate(found.fields.items()):
+            value = builder.extract_value(given[1], number)
+            if isinstance(kind, types.Array):
+                array = target.make_array(values[number])(target, builder, value)
+                both = array.shape, array.strides
+                sizes = [builder.extract_value(one, k) for one in both for k in range(kind.ndim)]
+                words = [builder.ptrtoint(array.data, whole), *sizes]
+            elif isinstance(kind, types.Float):
+                words = [builder.bitcast(value, whole)]
+            else:
+                words = [builder.ptrtoint(value, whole) if isinstance(kind, _Kind) else value]
+            for k, word in enumerate(words):
+                place = target.get_constant(types.int64, found.places[name] + k)
+                builder.store(word, builder.gep(first, [place]))
+        return first
+
+    return found(memory, values), build
+
+
+kept: Any = intrinsic(_kept)
 
 
 @unbox(_Kind)  # type: ignore[untyped-decorator]
@@ -108,8 +148,14 @@ class NamedArrays:
                 words += _described(name, kind, value)
             else:
                 words.append(value._address if isinstance(kind, _Kind) else int(value))
-        self.__dict__["_words"] = frozen(words, np.int64)
+        self.__dict__["_words"] = np.array(words, dtype=np.int64)
         self.__dict__["_address"] = self._words.ctypes.data
+
+    def exchange(self, name: str, array: Any) -> None:
+        """Put another array in the place of one, while machine code waits for an answer."""
+        words, place = _described(name, self._fields[name], array), self._numba_type_.places[name]
+        self.__dict__[name] = array
+        self._words[place : place + len(words)] = words
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Raise AttributeError: machine code would go on with the array that it knows."""

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner
+from wbc.compiled import Dense, OutDense, OutRow, Row, inner
 from wbc.mechanics.linear import (
     add_all,
     add_times,
@@ -33,6 +33,7 @@ from wbc.mechanics.linear import (
     solve_factored,
     solve_inertia,
 )
+from wbc.mechanics.memory import copied_row, row_of
 from wbc.mechanics.rows import Room, RowSystem, copied, room_for, tangents_at
 
 NEWTON, PROXIMAL, RANGES, PASSIVE, UNSOLVED, SEVERAL = range(6)
@@ -174,29 +175,30 @@ def look_at(system: RowSystem, hold: float, impulse: Row, room: Room) -> tuple[f
     return tangents_at(system, hold, impulse, room)
 
 
-@compiled
-def residuals(system: RowSystem, impulse: Row) -> tuple[float, OutRow, OutRow]:
-    """Return the largest residual at row impulses (r,), all of them (r,), and the speeds (r,)."""
-    room = room_for(system)
-    worst, _ = look_at(system, HOLD, impulse, room)
-    return worst, room.off, room.speed
+@inner
+def residual(system: RowSystem, impulse: Row) -> float:
+    """Return the largest residual at row impulses (r,)."""
+    used = system.heap.used[0]
+    worst, _ = look_at(system, HOLD, impulse, room_for(system))
+    system.heap.used[0] = used
+    return worst
 
 
-@compiled(inside=True)
-def is_near(system: RowSystem, impulse: Row) -> bool:
+@inner
+def is_near(system: RowSystem, worst: float, room: Room, impulse: Row) -> bool:
     """Return whether what rows at impulses (r,) are off their laws by makes rounding of work.
 
-    So it may be where rows that hold contradict each other.
+    So it may be where rows that hold contradict each other. `worst` and `room` are of `look_at`.
     """
-    (worst, off, _), work, pushes = residuals(system, impulse), 0.0, 0.0
+    work = pushes = 0.0
     for i in range(len(impulse)):
-        work += abs(off[i] * impulse[i])
+        work += abs(room.off[i] * impulse[i])
         pushes += abs(impulse[i])
     rounding = work <= _MEAN * system.tolerance * pushes
     return worst <= _NEAR * system.tolerance and rounding
 
 
-@compiled(inside=True)
+@inner
 def newton(system: RowSystem, start: Row, firm: bool, impulse: OutRow) -> int:
     """Write the row impulses (r,) at which every row is on its law, by Newton's steps.
 
@@ -223,13 +225,13 @@ def newton(system: RowSystem, start: Row, firm: bool, impulse: OutRow) -> int:
                 solve_tangents(system, one_sided, room, impulse)
                 follow_tangents(system, room, impulse)
             return iteration
-        if not firm and worst > 0.5 * least and is_near(system, impulse):
+        if not firm and worst > 0.5 * least and is_near(system, worst, room, impulse):
             return iteration
         least = min(least, worst)
     return -_STEPS
 
 
-@compiled(inside=True)
+@inner
 def softened(system: RowSystem, compliance: float, about: Row) -> RowSystem:
     """Return the system with a compliance in every row, a share of its own, about `about` (r,)."""
     soft = copied(system, system.tolerance)
@@ -241,7 +243,7 @@ def softened(system: RowSystem, compliance: float, about: Row) -> RowSystem:
     return soft
 
 
-@compiled(inside=True)
+@inner
 def proximal(system: RowSystem, start: Row, most: int, impulse: OutRow) -> int:
     """Write the row impulses (r,) by proximal rounds, like `newton`.
 
@@ -250,14 +252,16 @@ def proximal(system: RowSystem, start: Row, most: int, impulse: OutRow) -> int:
     the rows harder, each that it does not makes them softer. No round begins after `most` linear
     systems.
     """
-    used, compliance = 0, _FIRST
+    used, compliance, heap = 0, _FIRST, system.heap
     copy_to(start, impulse)
-    following = np.empty(len(start))
+    following = row_of(heap, len(start))
+    taken = heap.used[0]
     for _ in range(_PROXIMAL_ROUNDS):
+        heap.used[0] = taken
         soft = softened(system, compliance, impulse)
         count = newton(soft, impulse, True, following)
         used += abs(count)
-        if residuals(system, following)[0] <= system.tolerance:
+        if residual(system, following) <= system.tolerance:
             copy_to(following, impulse)
             return used
         if count > 0:
@@ -270,7 +274,7 @@ def proximal(system: RowSystem, start: Row, most: int, impulse: OutRow) -> int:
     return -used - 1
 
 
-@compiled(inside=True)
+@inner
 def solve_system(system: RowSystem, start: Row, work: float, impulse: OutRow) -> tuple[int, int]:
     """Write the row impulses (r,) at which every row is on its law.
 
@@ -294,10 +298,11 @@ def solve_system(system: RowSystem, start: Row, work: float, impulse: OutRow) ->
     n, used, good, falls = system.ways.shape[1], 0, 0.0, False
     for i in range(len(system.laws)):
         falls = falls or system.laws[i, 4] < 0.0
-    begin = start.copy()
+    begin, taken = copied_row(system.heap, start), system.heap.used[0]
     for fresh in range(2 if falls else 1):  # the last step's tangents may lead astray
         if fresh:
             begin[:] = 0.0
+        system.heap.used[0] = taken
         count = newton(system, begin, falls, impulse)
         used += abs(count)
         if count > 0:
@@ -311,16 +316,22 @@ def solve_system(system: RowSystem, start: Row, work: float, impulse: OutRow) ->
     for fresh in range(2):
         if fresh:
             begin[:] = 0.0
-        count = proximal(system, begin, most, impulse)
+        system.heap.used[0] = taken
+        count, room = proximal(system, begin, most, impulse), room_for(system)
         used += abs(count)
-        if count > 0 or is_near(system, impulse):
+        worst, _ = look_at(system, HOLD, impulse, room)
+        if count > 0 or is_near(system, worst, room, impulse):
             return used, PROXIMAL
-    weaker = copied(system, _EXACT * system.tolerance)
+    system.heap.used[0] = taken
+    weaker, heap = copied(system, _EXACT * system.tolerance), system.heap
+    taken = heap.used[0]
     for i in range(len(system.laws)):
         weaker.laws[i, 4] = max(system.laws[i, 4], 0.0)
     for turn in range(_WEAKER if work >= 1.0 else 0):
         if turn or not falls:
-            weaker.frictions[:] *= 0.5 if turn < _WEAKER - 1 else 0.0
+            for c in range(len(weaker.frictions)):
+                weaker.frictions[c] *= 0.5 if turn < _WEAKER - 1 else 0.0
+        heap.used[0] = taken
         count = proximal(weaker, begin, most, impulse)
         used += abs(count)
         if count > 0:
@@ -328,7 +339,7 @@ def solve_system(system: RowSystem, start: Row, work: float, impulse: OutRow) ->
     return used, UNSOLVED
 
 
-@compiled(counted=False)
+@inner
 def velocity_after(system: RowSystem, lower: Dense, free: Row, impulse: Row, after: OutRow) -> None:
     """Write v (n,) after row impulses (r,).
 

@@ -38,10 +38,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Row, compiled, inner, local
+from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Row, inner, local
 from wbc.mechanics.linear import dot, halfway
+from wbc.mechanics.memory import (
+    Heap,
+    copied_row,
+    copied_table,
+    row_of,
+    table_of,
+    whole_of,
+    zeros_of,
+)
+from wbc.structures import WORDS, kept, structured
 
 
+@structured
 class RowSystem(NamedTuple):
     """What a step is to its rows.
 
@@ -57,6 +68,7 @@ class RowSystem(NamedTuple):
         frictions: mu (k,) of the contacts.
         tangents: d per contact.
         tolerance: largest distance of a row from its law in a solution, as a speed.
+        heap: where arrays come from.
     """
 
     ways: OutDense
@@ -69,6 +81,7 @@ class RowSystem(NamedTuple):
     frictions: OutRow
     tangents: int
     tolerance: float
+    heap: Heap
 
 
 TOLERANCE = 1e-10
@@ -79,8 +92,9 @@ barrier that is kept in a short part has one that no speed comes near.
 """
 
 
-@compiled
+@inner
 def system_of(
+    heap: Heap,
     matrix: Dense,
     lower: Dense,
     free: Row,
@@ -95,13 +109,14 @@ def system_of(
     self-locking element meets its law once.
 
     Args:
+        heap: where arrays come from.
         matrix: G.
         lower: L (n, n) with L' L = H_l.
         free: v (n,) without the rows.
         laws, targets, frictions, tangents: see `RowSystem`.
     """
-    size, ways, most, fastest = len(matrix), matrix.copy(), 0.0, 0.0
-    own, speed, slope = np.empty(size), np.empty(size), np.empty(size)
+    size, ways, most, fastest = len(matrix), copied_table(heap, matrix), 0.0, 0.0
+    own, speed, slope = row_of(heap, size), row_of(heap, size), row_of(heap, size)
     for i in range(size):
         speed[i] = dot(free, matrix[i])
         halfway(lower, ways[i])
@@ -117,18 +132,26 @@ def system_of(
         slope[i] = 1.0 / own[i]
         if i < len(laws) and laws[i, 4] < 0.0:
             slope[i] = min(slope[i], 0.5 * laws[i, 2] / -laws[i, 4])
-    give, tolerance = np.zeros(size), TOLERANCE * (1.0 + fastest)
-    return RowSystem(ways, own, speed, give, slope, laws, targets, frictions, tangents, tolerance)
+    give, tolerance = zeros_of(heap, size), TOLERANCE * (1.0 + fastest)
+    system = RowSystem(
+        ways, own, speed, give, slope, laws, targets, frictions, tangents, tolerance, heap
+    )
+    found: RowSystem = kept(whole_of(heap, WORDS), system)
+    return found
 
 
-@compiled(inside=True)
+@inner
 def copied(system: RowSystem, tolerance: float) -> RowSystem:
     """Return a system of another tolerance; its numbers can be changed, but for `ways`, `own`."""
-    return RowSystem(
-        system.ways, system.own, system.free.copy(), system.give.copy(), system.slope.copy(),
-        system.laws.copy(), system.targets.copy(), system.frictions.copy(),
-        system.tangents, tolerance,
+    heap = system.heap
+    other = RowSystem(
+        system.ways, system.own, copied_row(heap, system.free), copied_row(heap, system.give),
+        copied_row(heap, system.slope), copied_table(heap, system.laws),
+        copied_row(heap, system.targets), copied_row(heap, system.frictions),
+        system.tangents, tolerance, heap,
     )  # fmt: skip
+    found: RowSystem = kept(whole_of(heap, WORDS), other)
+    return found
 
 
 @inner
@@ -211,6 +234,7 @@ def element_meets(law: Row, own: float, about: float, speed: float) -> tuple[flo
     return pull + share * missing, share * kept
 
 
+@structured
 class Room(NamedTuple):
     """Memory for tangents.
 
@@ -238,15 +262,19 @@ class Room(NamedTuple):
     line: OutRow
 
 
-@compiled(inside=True)
+@inner
 def room_for(system: RowSystem) -> Room:
     """Return memory for the tangents of a system."""
-    size, n = system.ways.shape
-    return Room(
-        np.empty(size), np.empty(size), np.empty(size), np.empty(size), np.empty((size, 3)),
-        np.full((size, 3), np.nan), np.empty((n, n)),
-        np.empty(n, dtype=np.int64), np.empty(n), np.empty(n),
+    heap, (size, n) = system.heap, system.ways.shape
+    known = table_of(heap, size, 3)
+    known[:] = np.nan
+    room = Room(
+        row_of(heap, size), row_of(heap, size), row_of(heap, size), row_of(heap, size),
+        table_of(heap, size, 3), known, table_of(heap, n, n),
+        whole_of(heap, n), row_of(heap, n), row_of(heap, n),
     )  # fmt: skip
+    found: Room = kept(whole_of(heap, WORDS), room)
+    return found
 
 
 @inner

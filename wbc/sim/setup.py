@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +16,7 @@ from wbc.dynamics.equation import RotorCoupling, rotor_coupling
 from wbc.effects.tables import add_torques, effect_table, left_for_hooks
 from wbc.errors import SimulationError
 from wbc.mechanics.kinematics import Tree, tree_of
+from wbc.mechanics.memory import Heap
 from wbc.robot import Memory, Motion, Robot
 from wbc.robot.body_contacts import Hull
 from wbc.sim.barriers import Barriers
@@ -29,6 +30,7 @@ from wbc.structures import stored
 
 _Answer = ctypes.CFUNCTYPE(None)
 _STAGES = 4  # most steps have less
+_FIRST_WORDS = 1000  # of the heap per coordinate; a step asks for more
 
 
 EffectActs: TypeAlias = tuple[EffectMemory, tuple[Motion, ...]]
@@ -75,7 +77,8 @@ class Drivetrain:
         row = np.where(direct & (self.backward >= 0.0), self.robot.actuated, -1)
         coupled = m if self.robot.rotors_turn_with_links else 0
         room = np.zeros((coupled, nv)), np.zeros((1, nv + m))
-        return tables.Gears._make((*arrays, row, self.loose, *room, self.any_loose))
+        alone = ~np.isin(np.arange(nv), row)
+        return tables.Gears._make((*arrays, row, alone, self.loose, *room, self.any_loose))
 
     def motion(self, state: SimState) -> tuple[FloatArray, FloatArray]:
         """Return deflections (m,) [rad] and speeds (m,) [rad/s] of the motor outputs."""
@@ -154,6 +157,9 @@ class Setup:
         self._answers: list[Any] = []
         self._taken: list[FloatArray] = []
         self.acts: dict[int, EffectActs] = {}
+        words = np.empty(_FIRST_WORDS * robot.model.nv)
+        room = words, words.view(np.int64), np.zeros(2, np.int64), self._address(self._take_more)
+        self._heap = stored(Heap(*room))
         self.plant = self._opened(tree, bounds)
         self._check_rotors()
 
@@ -199,6 +205,7 @@ class Setup:
                 ending,
                 np.zeros((_STAGES, width)),
                 bounds,
+                self._heap,
             )
         )
 
@@ -255,6 +262,12 @@ class Setup:
             eta = self.drive.forward, self.drive.backward
             forward, told.backward[:] = self.robot.gear_efficiencies(motion, *eta)
             told.inverse[:] = 1.0 / forward
+
+    def _take_more(self) -> None:
+        """Give the loops more memory."""
+        words, heap = np.empty(2 * int(self._heap.used[1])), cast(Any, self._heap)
+        heap.exchange("words", words)
+        heap.exchange("whole", words.view(np.int64))
 
     def _take_stages(self) -> None:
         """Keep stages of a step that has more of them than the loops have room for."""

@@ -5,11 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wbc.compiled import Dense, OutDense, OutRow, Row, compiled
 from wbc.errors import SimulationError
 from wbc.mechanics.linear import factor_inertia
-from wbc.mechanics.newton import SEVERAL, UNSOLVED, WAYS, residuals, velocity_after
-from wbc.mechanics.rows import system_of
+from wbc.mechanics.memory import Heap
+from wbc.mechanics.newton import HOLD, SEVERAL, UNSOLVED, WAYS, look_at, velocity_after
+from wbc.mechanics.rows import room_for, system_of
 from wbc.sim.step.self_locking import solve_rows
+from wbc.structures import stored
 
 
 @dataclass(frozen=True)
@@ -40,18 +43,43 @@ class Solution(NamedTuple):
     method: str
 
 
+@compiled
+def _solved(
+    heap: Heap,
+    inertia: Dense,
+    free: Row,
+    matrix: Dense,
+    laws: OutDense,
+    targets: OutRow,
+    frictions: OutRow,
+    tangents: int,
+    start: Row,
+    found: OutDense,
+    velocity: OutRow,
+) -> tuple[int, int]:
+    """Write impulses, speeds and residuals (3, r), and the velocity; return work and method."""
+    lower = np.empty(inertia.shape)
+    if not factor_inertia(inertia, lower):
+        return 0, UNSOLVED
+    system = system_of(heap, matrix, lower, free, laws, targets, frictions, tangents)
+    used, way = solve_rows(system, start, 1.0, found[0])
+    velocity_after(system, lower, free, found[0], velocity)
+    room = room_for(system)
+    look_at(system, HOLD, found[0], room)
+    found[1], found[2] = room.speed, np.abs(room.off)
+    return used, way
+
+
 def solve_program(program: Program, guess: np.ndarray | None = None) -> Solution:
     """Return the solution that the plant takes, from the impulses of a step before or none."""
-    own, lower, size = program, np.empty(program.inertia.shape), len(program.rows)
-    assert factor_inertia(own.inertia, lower)
-    laws = np.ascontiguousarray(own.laws)
-    row_numbers = own.rows, lower, own.free_velocity, laws, own.targets, own.frictions
-    system = system_of(*row_numbers, own.tangents)
+    own, size = program, len(program.rows)
+    words = np.empty(10 * (size + len(own.inertia)) * (len(own.inertia) + 100))
+    heap = stored(Heap(words, words.view(np.int64), np.zeros(2, np.int64), 0))
     start = np.zeros(size) if guess is None else guess
-    impulse, velocity = np.empty(size), np.empty(len(lower))
-    used, way = solve_rows(system, start, 1.0, impulse)
+    found, velocity = np.empty((3, size)), np.empty(len(own.inertia))
+    rest = np.array(own.laws), np.array(own.targets), np.array(own.frictions), own.tangents, start
+    arrays = own.inertia, own.free_velocity, own.rows
+    used, way = _solved(heap, *map(np.ascontiguousarray, arrays), *rest, found, velocity)
     if way >= UNSOLVED:
         raise SimulationError("several solutions" if way == SEVERAL else "no solution")
-    velocity_after(system, lower, own.free_velocity, impulse, velocity)
-    _, off, speed = residuals(system, impulse)
-    return Solution(velocity, impulse, speed, np.abs(off), used, WAYS[way])
+    return Solution(velocity, *found, used, WAYS[way])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Dense, Flags, OutRow, Row, compiled
+from wbc.compiled import Dense, OutRow, Places, Row, compiled, inner
 from wbc.mechanics.kinematics import moved_along
 from wbc.mechanics.linear import (
     add_all,
@@ -23,6 +23,7 @@ from wbc.mechanics.linear import (
     rest_of_way,
     solve_factored,
 )
+from wbc.mechanics.memory import whole_of, zeros_of
 from wbc.sim.step.contacts import barrier_rows, gaps_at, gaps_of, other_place, put
 from wbc.sim.step.motion import advance, carry, look, set_momentum, weigh
 from wbc.sim.step.pairs import FAR
@@ -48,7 +49,7 @@ _NEAR = 0.05  # [m, rad] a correction at most, and how near a barrier must be to
 
 
 @compiled(inside=True)
-def least(delassus: Dense, pressed: Flags, missing: Row, push: OutRow) -> None:
+def least(delassus: Dense, pressed: Places, missing: Row, push: OutRow) -> None:
     """Write the pushes (b,) that open gaps by what is missing: delassus @ push >= missing.
 
     Only pressed ones pull, and softly: rows of places that are near to each other are nearly the
@@ -59,7 +60,7 @@ def least(delassus: Dense, pressed: Flags, missing: Row, push: OutRow) -> None:
     total, pivots = delassus.copy(), np.empty(size, dtype=np.int64)
     for i in range(size):
         push[i], most = missing[i], max(most, abs(missing[i]))
-        right = right and pressed[i]
+        right = right and pressed[i] > 0
         total[i, i] *= 1.0 + (_HAIR if missing[i] >= 0.0 else _SOFT)
     if right and factor(total, pivots):
         solve_factored(total, pivots, push)
@@ -75,7 +76,7 @@ def least(delassus: Dense, pressed: Flags, missing: Row, push: OutRow) -> None:
                 continue
             aim = push[i] + (missing[i] - dot(push, delassus[i])) / delassus[i, i]
             if aim < 0.0:
-                aim = aim / (1.0 + _SOFT) if pressed[i] else 0.0
+                aim = aim / (1.0 + _SOFT) if pressed[i] > 0 else 0.0
             worst = max(worst, abs(aim - push[i]) * delassus[i, i])
             push[i] = aim
         if worst <= 1e-6 * most:
@@ -83,13 +84,13 @@ def least(delassus: Dense, pressed: Flags, missing: Row, push: OutRow) -> None:
 
 
 @compiled(inside=True)
-def shift_of(metric: Dense, matrix: Dense, pressed: Flags, missing: Row, shift: OutRow) -> bool:
+def shift_of(metric: Dense, matrix: Dense, pressed: Places, missing: Row, shift: OutRow) -> bool:
     """Write the least shift (nv,) that takes overlaps back; False where none can be found.
 
     Args:
         metric: (nv, nv) in which it is least.
         matrix: (b, nv) rows of the closed limits and normals.
-        pressed: (b,) whether they carry an impulse: their gaps are taken back from either side.
+        pressed: (b,) one where they carry an impulse: their gaps are taken back from either side.
         missing: (b,) by which their gaps are to open, below zero where they may close.
         shift: to write.
     """
@@ -109,7 +110,7 @@ def shift_of(metric: Dense, matrix: Dense, pressed: Flags, missing: Row, shift: 
 
 
 @compiled(inside=True)
-def take_back(plant: Opened, rows: PartRows, pressed: Flags, drift: Row, furthest: float) -> None:
+def take_back(plant: Opened, rows: PartRows, pressed: Places, drift: Row, furthest: float) -> None:
     """Move the robot out of overlaps, in a few shifts, see `_CORRECTIONS`.
 
     Their size is measured with the rotors of rigid gears: what is light moves first.
@@ -118,7 +119,7 @@ def take_back(plant: Opened, rows: PartRows, pressed: Flags, drift: Row, furthes
         plant: its memory stands at the end, but for `placed.inertia`: that is the middle's.
             Position, gaps and shift of the end are changed.
         rows: of the part.
-        pressed: (b,) whether its closed limits and normals carry an impulse.
+        pressed: (b,) one where its closed limits and normals carry an impulse.
         drift: (b,) their gaps.
         furthest: [m, rad] by which an overlap is taken back at most.
     """
@@ -133,10 +134,10 @@ def take_back(plant: Opened, rows: PartRows, pressed: Flags, drift: Row, furthes
             if turning[i] != 0.0:
                 add_times(gears.inertia[g] * turning[i], turning, metric[i])
     for i in range(count):
-        nearer = max(-drift[i], -furthest) if pressed[i] else -drift[i]
+        nearer = max(-drift[i], -furthest) if pressed[i] > 0 else -drift[i]
         aim[i] = drift[i] + min(nearer, furthest)
         missing[i] = aim[i] - drift[i]
-        off = max(off, abs(missing[i]) if pressed[i] else missing[i])
+        off = max(off, abs(missing[i]) if pressed[i] > 0 else missing[i])
     for _ in range(_CORRECTIONS):
         if not shift_of(metric, matrix, pressed, missing, shift):
             return
@@ -148,7 +149,7 @@ def take_back(plant: Opened, rows: PartRows, pressed: Flags, drift: Row, furthes
         for row in range(count):
             i = rows.held[row]
             missing[row] = aim[row] - gap[i] if i < plant.obstacles.rigid else -FAR
-            off = max(off, abs(missing[row]) if pressed[row] else missing[row])
+            off = max(off, abs(missing[row]) if pressed[row] > 0 else missing[row])
         if not off < before:  # Ground with edges: a shift that leads astray is undone.
             copy_to(last, q)
             copy_to(gap_last, gap)
@@ -159,7 +160,7 @@ def take_back(plant: Opened, rows: PartRows, pressed: Flags, drift: Row, furthes
             return
 
 
-@compiled(inside=True)
+@inner
 def arrive(plant: Opened, rows: PartRows, pushes: Row) -> None:
     """Write the end of a part.
 
@@ -177,12 +178,12 @@ def arrive(plant: Opened, rows: PartRows, pushes: Row) -> None:
     put(plant, end.position)
     advance(plant, half, end.position)
     gaps_at(plant, end.position, end.closed[:0], end.gap)
-    pressed, drift = np.empty(len(held), dtype=np.bool_), np.zeros(len(held))
+    pressed, drift = whole_of(plant.heap, len(held)), zeros_of(plant.heap, len(held))
     jumped, rigid = other_place(plant, rows.step), plant.obstacles.rigid
     for row in range(len(held)):
         gap = end.gap[held[row]] if held[row] < rigid else 0.0
-        drift[row], pressed[row] = gap, pushes[row] > 0.0 and gap < jumped
-        off, deepest = max(off, abs(gap) if pressed[row] else -gap), min(deepest, gap)
+        drift[row], pressed[row] = gap, int(pushes[row] > 0.0 and gap < jumped)
+        off, deepest = max(off, abs(gap) if pressed[row] > 0 else -gap), min(deepest, gap)
     end.moved[:], end.depth[:] = 0.0, 0.0
     if off > DRIFT:
         furthest = plant.bounds[RETURN_SPEED] * rows.step
@@ -228,7 +229,7 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
         for i in range(n):
             metric[i, i] += 1e6 * most * stiff[i]
         copy_to(q, last)
-        free, missing = np.zeros(count, dtype=np.bool_), np.empty(count)
+        free, missing = np.zeros(count, dtype=np.int64), np.empty(count)
         for row in range(count):
             missing[row] = min(-here[near[row]], _NEAR)
         if not shift_of(metric, matrix[:count], free, missing, shift):

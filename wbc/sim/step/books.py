@@ -13,9 +13,10 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import OutRow, Row, compiled, inner
+from wbc.compiled import OutRow, Row, compiled, inner, local
 from wbc.mechanics.inertia import momentum_of, motion_at
 from wbc.mechanics.linear import dot
+from wbc.mechanics.memory import row_of, table_of
 from wbc.mechanics.rows import TOLERANCE
 from wbc.sim.step.contacts import put, solid_gap, touch_ground
 from wbc.sim.step.motion import look, set_momentum
@@ -177,8 +178,9 @@ def survey(plant: Opened, q: Row, v: Row, deflection: Row, speed: Row) -> tuple[
     put(plant, q)
     look(plant)
     about = placed.about
-    count, energy, deepest, lowest = len(joints), 0.0, np.inf, -1
-    motion, momentum, motor, normal = np.empty((count, 6)), np.empty(6), np.empty(m), np.empty(3)
+    count, energy, deepest, lowest, taken = len(joints), 0.0, np.inf, -1, plant.heap.used[0]
+    motion, motor = table_of(plant.heap, count, 6), row_of(plant.heap, m)
+    momentum, normal = local(6), local(3)
     motion_at(joints, placed.columns, v, motion)
     for i in range(count):
         body = placed.bodies[i]
@@ -199,16 +201,19 @@ def survey(plant: Opened, q: Row, v: Row, deflection: Row, speed: Row) -> tuple[
         touch_ground(plant, plant.now.closed[:0])
         for b in range(len(plant.obstacles.touch)):
             energy += stored_at(plant.bounds[HERTZ], -plant.obstacles.touch[b, 0])
+    plant.heap.used[0] = taken
     return energy, deepest, lowest
 
 
-@compiled(inside=True)
+@inner
 def fastest_turn(plant: Opened, v: Row) -> float:
     """Return how fast a body turns at most [rad/s] at v (nv,), where the memory stands."""
-    most, motion = 0.0, np.empty((len(plant.tree.joints), 6))
+    most, taken = 0.0, plant.heap.used[0]
+    motion = table_of(plant.heap, len(plant.tree.joints), 6)
     motion_at(plant.tree.joints, plant.placed.columns, v, motion)
     for i in range(len(motion)):
         most = max(most, dot(motion[i, 3:], motion[i, 3:]))
+    plant.heap.used[0] = taken
     return sqrt(most)
 
 

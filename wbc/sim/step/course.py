@@ -16,7 +16,8 @@ import numpy as np
 from wbc.compiled import Flags, OutRow, OutTable, Row, Vector, ask, compiled, inner
 from wbc.mechanics.kinematics import moved_along
 from wbc.mechanics.linear import copy_to, dot
-from wbc.mechanics.newton import UNSOLVED, residuals
+from wbc.mechanics.memory import copied_row
+from wbc.mechanics.newton import UNSOLVED, residual
 from wbc.sim.step.contacts import gaps_of
 from wbc.sim.step.impact import HIT, impact_rows, settle
 from wbc.sim.step.part import LANDED, begin, part_with_mesh
@@ -311,10 +312,12 @@ def look_again(plant: Opened, in_impact: bool, told: OutTable) -> tuple[int, flo
     if in_impact:
         rows = impact_rows(plant, plant.end.closed)
         copy_to(plant.end.aims[: len(rows.targets)], rows.targets)
-        found = plant.end.impulse.copy()
+        found = plant.end.impulse
     else:
         rows = begin(plant, plant.now.numbers[LENGTH])
-        found = plant.end.impulse[rows.places]
-    system = part_system(rows, plant.obstacles.tangents)
-    off = residuals(system, found[: len(rows.start)])[0]
+        found = copied_row(plant.heap, rows.start)
+        for i in range(len(found)):
+            found[i] = plant.end.impulse[rows.places[i]]
+    system = part_system(plant, rows)
+    off = residual(system, found[: len(rows.start)])
     return tell_ranges(system, rows.start, told), off, system.tolerance

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Flags, Row, ask, compiled, inner
+from wbc.compiled import Flags, Row, ask, inner
 from wbc.mechanics.linear import copy_to, dot
+from wbc.mechanics.memory import copied_row
 from wbc.mechanics.newton import UNSOLVED
 from wbc.sim.step.contacts import gaps_of
 from wbc.sim.step.motion import weigh
@@ -85,7 +86,7 @@ def mesh_loss(gears: Gears, v: Row, after: Row, motor: Row, following: Row, mesh
     return total
 
 
-@compiled(inside=True)
+@inner
 def impact_rows(plant: Opened, together: Flags) -> PartRows:
     """Return the rows of an impact of some barriers (2 j + c,), where the memory stands.
 
@@ -147,7 +148,7 @@ def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> 
     return coming
 
 
-@compiled(inside=True)
+@inner
 def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
     """Write the impact on barriers that have just been reached into `plant.end`, see `settle`.
 
@@ -180,7 +181,7 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
     copy_to(rows.impulse, end.impulse)
     if way >= UNSOLVED:
         return HIT
-    following = rows.motor.copy()
+    following = copied_row(plant.heap, rows.motor)
     motor_speeds(gears, end.after, rows.motor, following)
     found[MESH] = mesh_loss(gears, v, end.after, rows.motor, following, rows.impulse)
     found[CONTACT] = found[ENERGY] - kinetic_of(plant, end.after, following) - found[MESH]
@@ -200,7 +201,7 @@ def lost_by(plant: Opened) -> float:
     return float(plant.end.hit[CONTACT] if plant.end.work[WAY] < UNSOLVED else np.nan)
 
 
-@compiled(inside=True)
+@inner
 def settle(plant: Opened, left: float, goes_on: bool) -> int:
     """Take the impact on barriers that have just been reached, into `plant.end`.
 

@@ -31,7 +31,7 @@ _ROUNDING = 1e-12
 """Share of all pushes that is none: what opens is not held back by an impulse of 1e-20 N s."""
 
 
-@compiled(inside=True)
+@inner
 def begin(plant: Opened, step: float) -> PartRows:
     """Return the rows of a part, which start from the last step's impulses.
 
@@ -94,7 +94,7 @@ def hold_or_land(plant: Opened, held: Places, pushes: Row) -> int:
     return result
 
 
-@compiled(inside=True)
+@inner
 def part_of_step(plant: Opened, step: float) -> int:
     """Do a part from the state of the plant.
 
@@ -125,7 +125,9 @@ def part_of_step(plant: Opened, step: float) -> int:
     turns = fastest_turn(plant, end.speed) + fastest_turn(plant, end.after)
     world_pushes(plant, rows)
     pressed = rows.impulse[elements : elements + both]
-    rounding = _ROUNDING * np.sum(np.abs(pressed))
+    rounding = 0.0
+    for i in range(both):
+        rounding += _ROUNDING * abs(pressed[i])
     for i in range(both):
         pressed[i] = pressed[i] if pressed[i] > rounding else 0.0
     arrive(plant, rows, pressed)

@@ -14,15 +14,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, Row, compiled, inner
+from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, Row, inner
 from wbc.effects.tables import fill_delivered, fill_joint_torques, near_rest
 from wbc.mechanics.inertia import move_bodies, part_on_joints
 from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, solve_inertia
+from wbc.mechanics.memory import copied_row, reserve, row_of, table_of, whole_of, zeros_of
 from wbc.mechanics.rows import RowSystem, system_of
 from wbc.sim.step.contacts import barrier_rows, gaps_at, lowest_speeds
 from wbc.sim.step.tables import HERTZ, Gears, Opened
+from wbc.structures import WORDS, kept, structured
 
 
+@structured
 class PartRows(NamedTuple):
     """The rows of a part, and what they act on.
 
@@ -127,16 +130,19 @@ def rotor_energy(gears: Gears, v: Row, motor: Row) -> float:
     return energy
 
 
-@compiled(inside=True)
+@inner
 def free_velocity(plant: Opened, rows: PartRows) -> None:
     """Write v + h H_l^-1 (forces) (nv,) of the middle.
 
     Of gravity and the velocity terms, those count that the momentum of free bases does not have.
     """
     tree, placed, bases = plant.tree, plant.placed, plant.placed.bases
-    free, speed, columns, size = rows.free, plant.end.speed, placed.columns, (len(tree.joints), 6)
-    moving, bias = (np.empty(size), np.empty(size), np.empty(size)), np.empty(len(free))
-    move_bodies(tree.joints, tree.gravity, columns, placed.bodies, speed, *moving, bias)
+    free, speed, columns, count = rows.free, plant.end.speed, placed.columns, len(tree.joints)
+    motion, drift = table_of(plant.heap, count, 6), table_of(plant.heap, count, 6)
+    force, bias = table_of(plant.heap, count, 6), row_of(plant.heap, len(free))
+    move_bodies(
+        tree.joints, tree.gravity, columns, placed.bodies, speed, motion, drift, force, bias
+    )
     for i in range(len(bases)):
         part_on_joints(tree, columns, placed.composite, bases[i], placed.inertia, bias)
     for i in range(len(free)):
@@ -145,7 +151,7 @@ def free_velocity(plant: Opened, rows: PartRows) -> None:
     add_times(1.0, speed, free)
 
 
-@compiled(inside=True)
+@inner
 def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartRows:
     """Return rows where the memory stands: their directions, and how the motors move before.
 
@@ -154,19 +160,26 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
     """
     gears, obstacles, v = plant.gears, plant.obstacles, plant.now.velocity
     n, m, d, limits = len(v), len(gears.rows), obstacles.tangents, obstacles.limits
-    held, both, elements, touching = np.empty(len(closed), dtype=np.int64), 0, m + rubbing, 0
+    both, touching, heap = 0, 0, plant.heap
     for i in range(len(closed)):
-        if closed[i]:
-            held[both], both, touching = i, both + 1, touching + (i >= limits)
+        both, touching = both + closed[i], touching + (closed[i] and i >= limits)
+    elements = m + rubbing
     total = elements + both + d * touching
     soft = touching if plant.bounds[HERTZ] > 0.0 else 0
-    rows = PartRows(
-        np.empty((total, n)), np.empty((n, n)), np.zeros((elements, 9)), np.zeros(both),
-        np.empty(touching), v.copy(),
-        np.empty((touching * (1 + d), 3)), held[:both],
-        np.empty(total, dtype=np.int64), np.empty(m), np.zeros(m), np.empty((soft, 2)),
-        np.zeros(total), np.zeros(total), np.empty(total), np.zeros(m), np.zeros(m), step,
+    count = n + m + len(plant.tree.joints)
+    reserve(heap, (total + n) * (2 * n + 150) + 100 * count + 20 * WORDS)
+    found = PartRows(
+        table_of(heap, total, n), table_of(heap, n, n), table_of(heap, elements, 9),
+        zeros_of(heap, both), row_of(heap, touching), copied_row(heap, v),
+        table_of(heap, touching * (1 + d), 3), whole_of(heap, both), whole_of(heap, total),
+        row_of(heap, m), zeros_of(heap, m), table_of(heap, soft, 2), zeros_of(heap, total),
+        zeros_of(heap, total), row_of(heap, total), zeros_of(heap, m), zeros_of(heap, m), step,
     )  # fmt: skip
+    rows: PartRows = kept(whole_of(heap, WORDS), found)
+    rows.laws[:], row = 0.0, 0
+    for i in range(len(closed)):
+        if closed[i]:
+            rows.held[row], row = i, row + 1
     for i in range(m):
         joint, rows.places[i] = dot(v, gears.rows[i]), i
         rows.motor[i] = plant.now.motor_speed[i] if gears.yields[i] else joint
@@ -174,9 +187,9 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
         copy_to(gears.rows[i], rows.matrix[i])
     barrier_rows(plant, rows.held, elements, rows.matrix, rows.axes)
     for row in range(both):
-        rows.places[elements + row] = m + n + held[row]
+        rows.places[elements + row] = m + n + rows.held[row]
     for c in range(touching):
-        which, row = held[both - touching + c] - limits, elements + both + d * c
+        which, row = rows.held[both - touching + c] - limits, elements + both + d * c
         rows.frictions[c] = obstacles.frictions[which]
         for a in range(d):
             rows.places[row + a] = m + n + len(closed) + d * which + a
@@ -185,7 +198,7 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
     return rows
 
 
-@compiled(inside=True)
+@inner
 def rows_of(plant: Opened, step: float) -> PartRows:
     """Return the rows of a part; `lower[0, 0]` is no number where H_l is not positive.
 
@@ -201,12 +214,8 @@ def rows_of(plant: Opened, step: float) -> PartRows:
     add_times(1.0, forces.outer, end.force)
     add_times(1.0, forces.dry, dry)
     add_times(1.0, forces.added, end.torque)
-    alone = dry.copy()
-    for i in range(len(gears.row)):
-        if gears.row[i] >= 0:
-            alone[gears.row[i]] = 0.0
-    for c in range(len(alone)):
-        rubbing += alone[c] > 0.0
+    for c in range(len(dry)):
+        rubbing += gears.alone[c] and dry[c] > 0.0
     for i in range(len(end.closed)):
         touches = touches or end.closed[i]
     if touches:
@@ -214,11 +223,11 @@ def rows_of(plant: Opened, step: float) -> PartRows:
     rows = rows_where(plant, end.closed, rubbing, step)
     free_velocity(plant, rows)
     gear_laws(plant, rows.motor, step, rows.laws)
-    for c in range(len(alone) if rubbing else 0):
-        if alone[c] > 0.0:
+    for c in range(len(dry) if rubbing else 0):
+        if gears.alone[c] and dry[c] > 0.0:
             law, rows.matrix[row], rows.places[row] = rows.laws[row], 0.0, len(gears.rows) + c
             rows.matrix[row, c] = law[3] = law[4] = 1.0
-            law[5], law[7], row = step * alone[c], np.inf, row + 1
+            law[5], law[7], row = step * dry[c], np.inf, row + 1
     contacts = len(rows.targets) - len(rows.frictions)
     lowest_speeds(plant, rows.held, step, rows.matrix[row:], rows.targets)
     for c in range(len(rows.depths)):
@@ -247,9 +256,10 @@ def world_pushes(plant: Opened, rows: PartRows) -> None:
             add_times(along, axes[c * (1 + d) + 1 + a], pushed)
 
 
-@compiled(inside=True)
-def part_system(rows: PartRows, tangents: int) -> RowSystem:
+@inner
+def part_system(plant: Opened, rows: PartRows) -> RowSystem:
     """Return what a part is to its rows."""
+    tangents, heap = plant.obstacles.tangents, plant.heap
     return system_of(
-        rows.matrix, rows.lower, rows.free, rows.laws, rows.targets, rows.frictions, tangents
+        heap, rows.matrix, rows.lower, rows.free, rows.laws, rows.targets, rows.frictions, tangents
     )

@@ -32,7 +32,7 @@ from wbc.mechanics.newton import (
     SEVERAL,
     newton,
     proximal,
-    residuals,
+    residual,
     solve_system,
     speeds_at,
 )
@@ -116,9 +116,9 @@ def try_ranges(system: RowSystem, held: RowSystem, start: Row, impulse: OutRow) 
         impulse: to write.
     """
     used = abs(newton(held, start, True, impulse))
-    if not residuals(held, impulse)[0] <= system.tolerance:
+    if not residual(held, impulse) <= system.tolerance:
         used += abs(proximal(held, start, _SYSTEMS, impulse))
-    return used, residuals(system, impulse)[0] <= system.tolerance
+    return used, residual(system, impulse) <= system.tolerance
 
 
 @compiled(inside=True)
@@ -155,8 +155,9 @@ def solve_in_ranges(
     f, used, count, nearest, known = len(rows), 0, 0, np.inf, dot(start, start) > 0.0
     held = copied(system, 0.1 * system.tolerance)
     impulse, origins = np.zeros(len(start)), np.zeros((3, len(start)))
-    laws = held.laws
+    laws, heap = held.laws, system.heap
     copy_to(start, origins[0])
+    taken = heap.used[0]
     for choice in range(-1 if known else 0, 3**f if f <= _MOST else 0):
         rest = choice
         for i in rows:
@@ -169,6 +170,7 @@ def solve_in_ranges(
                 origins[1, i] = (laws[i, 8] - laws[i, 7] * system.free[i]) / alone
             rest //= 3
         for k in range(0 if known else 1, 3):
+            heap.used[0] = taken
             copy_to(impulse, origins[2])
             more, good = try_ranges(system, held, origins[k], impulse)
             used, moved, same = used + more, 0.0, True
@@ -188,13 +190,9 @@ def solve_in_ranges(
     return used, count
 
 
-@compiled
-def solve_rows(system: RowSystem, start: Row, work: float, impulse: OutRow) -> tuple[int, int]:
-    """Write the row impulses (r,) as `solve_system` does, those of self-locking gears by ranges.
-
-    Returns:
-        what `solve_system` does, or RANGES, or SEVERAL where they are refused.
-    """
+@compiled(inside=True)
+def solve_by_ranges(system: RowSystem, start: Row, work: float, impulse: OutRow) -> tuple[int, int]:
+    """Do what `solve_rows` does where some laws fall."""
     rows = undecided_rows(system)
     if len(rows) == 0:
         return solve_system(system, start, work, impulse)
@@ -202,6 +200,19 @@ def solve_rows(system: RowSystem, start: Row, work: float, impulse: OutRow) -> t
     used, count = solve_in_ranges(system, rows, start, found)
     copy_to(found[0], impulse)
     return used, RANGES if count == 1 or (count and dot(start, start) > 0.0) else SEVERAL
+
+
+@inner
+def solve_rows(system: RowSystem, start: Row, work: float, impulse: OutRow) -> tuple[int, int]:
+    """Write the row impulses (r,) as `solve_system` does, those of self-locking gears by ranges.
+
+    Returns:
+        what `solve_system` does, or RANGES, or SEVERAL where they are refused.
+    """
+    for i in range(len(system.laws)):
+        if falls(system.laws[i]):
+            return solve_by_ranges(system, start, work, impulse)
+    return solve_system(system, start, work, impulse)
 
 
 @compiled(inside=True)

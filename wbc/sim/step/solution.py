@@ -31,13 +31,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner
+from wbc.compiled import Dense, OutDense, OutRow, Row, inner
 from wbc.mechanics.linear import add_times, copy_to, dot, solve_inertia
+from wbc.mechanics.memory import copied_row, copied_table, row_of, table_of, whole_of
 from wbc.mechanics.newton import (
     PASSIVE,
     SEVERAL,
     UNSOLVED,
-    residuals,
+    residual,
     solve_system,
     speeds_at,
     velocity_after,
@@ -46,6 +47,7 @@ from wbc.mechanics.rows import RowSystem, copied, own_speed
 from wbc.sim.step.part_rows import PartRows, part_system, rotor_brings
 from wbc.sim.step.self_locking import solve_rows
 from wbc.sim.step.tables import DISSIPATION, HERTZ, Opened
+from wbc.structures import WORDS, kept, structured
 from wbc.transmission.flank_steps import flank_impulse
 
 NO_INERTIA = SEVERAL + 1
@@ -77,6 +79,7 @@ _LEAST = 1e-300  # what is written for a flank that misses its law by less: zero
 _MET = 1e-11  # of the momentum: how far an impulse may be off its flank's law
 
 
+@structured
 class Rounds(NamedTuple):
     """Memory for rounds: flanks and turns, each (m, 4), empty where no gear is loose.
 
@@ -91,6 +94,16 @@ class Rounds(NamedTuple):
     passed: OutDense
     safe: OutDense
     turns: OutDense
+
+
+@inner
+def rounds_of(plant: Opened, count: int) -> Rounds:
+    """Return memory for rounds of gears, zeros."""
+    room = table_of(plant.heap, 4 * count, 4)
+    room[:], near, passed = 0.0, room[:count], room[count : 2 * count]
+    rounds = Rounds(near, passed, room[2 * count : 3 * count], room[3 * count :])
+    found: Rounds = kept(whole_of(plant.heap, WORDS), rounds)
+    return found
 
 
 @inner
@@ -300,7 +313,7 @@ def settles(after: Row, last: OutRow) -> float:
     return 0.0 if moved <= _COUPLING_TOLERANCE * (1.0 + largest) else moved
 
 
-@compiled(inside=True)
+@inner
 def solve_part(plant: Opened, rows: PartRows, speed: Row, work: float) -> int:
     """Write how the rows of a part end, with every row, flank and coupling on its law.
 
@@ -316,19 +329,21 @@ def solve_part(plant: Opened, rows: PartRows, speed: Row, work: float) -> int:
     Returns:
         what found it; UNSOLVED or more where nothing did.
     """
-    n, m, gears = len(speed), len(plant.gears.rows), plant.gears
-    system = part_system(rows, plant.obstacles.tangents)
-    coupled, loose = len(gears.coupling) > 0, gears.loose and rows.step > 0.0
-    soft, laws, last, shifted = len(rows.depths) > 0, system.laws, speed.copy(), rows.free
-    tolerance, used, way, missed, taken = system.tolerance, 0, 0, 0.0, system
-    impulse, after, last_x, work_of = rows.impulse, plant.end.after, np.empty(n), plant.end.work
-    room = np.zeros((4, m if loose else 0, 4))
-    rounds = Rounds(room[0], room[1], room[2], room[3])
+    n, gears, heap = len(speed), plant.gears, plant.heap
+    system, coupled = part_system(plant, rows), len(gears.coupling) > 0
+    loose, soft = gears.loose and rows.step > 0.0, len(rows.depths) > 0
+    laws, last, shifted = system.laws, copied_row(heap, speed), rows.free
+    tolerance, taken, last_x = system.tolerance, system, row_of(heap, n)
+    used, way, missed = 0, 0, 0.0
+    impulse, after, work_of = rows.impulse, plant.end.after, plant.end.work
+    rounds = rounds_of(plant, len(gears.rows) if loose else 0)
     if coupled:
-        laws, shifted = laws.copy(), rows.free.copy()
+        laws, shifted = copied_table(heap, laws), copied_row(heap, rows.free)
     if soft:
         copy_to(system.free, rows.speed)
+    begun = heap.used[0]
     for turn in range(_ROUNDS):
+        heap.used[0] = begun
         if coupled:
             lag_coupling(plant, rows, system, speed, last, laws, shifted)
         if loose:
@@ -360,7 +375,7 @@ def solve_part(plant: Opened, rows: PartRows, speed: Row, work: float) -> int:
     if missed > 0.0 and way < UNSOLVED:  # the rounds end before all is settled
         way, missed = PASSIVE, max(missed, tolerance)
     if way == PASSIVE:
-        missed = max(missed, residuals(system, impulse)[0])
+        missed = max(missed, residual(system, impulse))
     copy_to(shifted, rows.free)
     work_of[USED], work_of[WAY], work_of[MISSED] = used, way, missed
     return way

@@ -9,6 +9,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.compiled import Dense, OutDense, OutFlags, OutPlaces, OutRow, OutTable, Table
 from wbc.mechanics.kinematics import Tree
+from wbc.mechanics.memory import Heap
 from wbc.structures import structured
 
 EffectMemory: TypeAlias = tuple[FloatArray | None, ...]
@@ -105,6 +106,7 @@ class Gears(NamedTuple):
         rows: (m, nv) speed of the joints per v, as the motor outputs turn where gears are rigid.
         row: (m,) of v whose dry friction shares the gear's row, as the gear turns this joint alone
             and rigidly; -1 where there is none.
+        alone: (nv,) whether dry friction of a row of v is in no gear's row.
         yields: (m,) whether the motor output may leave its joint: the gear is loose.
         coupling: (m, nv) memory: N C, see `StepCoupling`; empty where rotors feel their spin alone.
         gyration: (1, nv + m) memory: torques on links and on rotors that come with it.
@@ -122,6 +124,7 @@ class Gears(NamedTuple):
     play: OutRow
     rows: OutDense
     row: OutPlaces
+    alone: OutFlags
     yields: OutFlags
     coupling: OutDense
     gyration: OutDense
@@ -327,6 +330,7 @@ class Opened(NamedTuple):
         bounds: (5,) at RETURN_SPEED: at which an overlap is taken back at most; HERTZ, DISSIPATION:
             K and a of compliant contacts, K = 0 for rigid ones; SLOW: way of a slow landing per
             square of the step, see `course`; RESTITUTION.
+        heap: memory for the rows of a part or an impact, and what solves them.
     """
 
     tree: Tree
@@ -339,6 +343,7 @@ class Opened(NamedTuple):
     end: Ending
     stages: OutDense
     bounds: OutRow
+    heap: Heap
 
 
 RETURN_SPEED, HERTZ, DISSIPATION, SLOW, RESTITUTION = range(5)
