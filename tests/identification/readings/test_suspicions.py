@@ -342,7 +342,7 @@ def test_an_exchange_that_explains_less_accuses_nobody(left: float, *, closer: b
 
     def report(left: float) -> Report:
         nothing = np.zeros(1)
-        return Report(nothing, nothing, nothing, nothing, 1.0, 1.0, left, 0.0, 40.0, 1.0)
+        return Report(nothing, nothing, nothing, nothing, left, 0.0, 40.0, 1.0)
 
     strays = np.array([[2.0, 2.0]])
     as_is = Judged(Reading(), (report(0.2), report(0.2)), strays)

@@ -11,10 +11,13 @@ from scipy.special import logsumexp
 
 from wbc.errors import LogError
 from wbc.identification.readings.evidence import (
-    GAIN_SPREAD,
+    GAIN_PRIOR,
+    GAINS,
+    SAME_GAIN,
     Bench,
     Judged,
     Report,
+    at_gains,
     evidence,
     foreign,
     other_zeros,
@@ -225,9 +228,6 @@ _PAIRS = 7  # driven joints up to which any may be exchanged: half a second per 
 _LEAST_EXPLAINED = 0.25
 _OTHER_RATIO = float(np.log(0.02))  # as often as another unit of all columns
 _SAME_RATIO = 0.1  # of ln of the factor, below which nobody would call it another gear
-# Standard deviation of ln of a gain where nothing is wrong: root mean square .036 of 32 joints of
-# twelve recorded and generated machines whose gains are known to .05.
-_SAME_SCALE = 0.036
 _LINKS_WRONG = float(np.log(0.15))  # every joint has its own factor: in two of 13 recorded machines
 _MOST = 3  # mistakes that are looked for one after another
 
@@ -420,33 +420,19 @@ def _other_scale(robot: Robot, judged: _Tables) -> list[Found]:
     """
     if robot.transmission.size < 2:
         return []
-    each = [table[""].reports for table in judged.values()]
-    # A report that the need does not explain tells no gain.
-    clear = np.array([[one.left < 4.0 * _DOUBTFUL for one in reports] for reports in each])
-    held = clear * np.array([[one.spread**-2.0 for one in reports] for reports in each])
-    # Nor does one of fewer samples than coefficients, which are the same in all logs.
-    samples = np.array([[one.samples for one in reports] for reports in each]).sum(axis=0)
-    held *= np.maximum(samples - each[0][0].causes.shape[1] - 1.0, 0.0) / np.maximum(samples, 1.0)
-    gains = np.array([[max(one.gain, 1e-300) for one in reports] for reports in each])
-    told = np.maximum(held.sum(axis=0), 1e-300)
-    size, sure = np.sum(held * np.log(gains), axis=0) / told, 1.0 / (1.0 / told + _SAME_SCALE**2)
-    names = list(robot.transmission.joints)
-
-    def shown(joints: list[int]) -> tuple[float, float]:
-        """Evidence for one factor on joints, over none; and the likeliest factor."""
-        whole = sure[joints].sum() + GAIN_SPREAD**-2.0
-        mean = float(sure[joints] @ size[joints]) / whole
-        return 0.5 * (whole * mean**2 - np.log(whole * GAIN_SPREAD**2)), float(np.exp(mean))
-
-    single = [shown([k]) for k in range(len(names))]
-    all_apart = _LINKS_WRONG + sum(odds for odds, _ in single)
-    rivals = [([*range(len(names))], shown([*range(len(names))]))]
-    rivals += [([k], one) for k, one in enumerate(single)]
-    odds = _OTHER_RATIO + np.array([one[0] for _, one in rivals])
+    total, _ = at_gains([table[""].reports for table in judged.values()])
+    alike = logsumexp(SAME_GAIN + total, axis=1)
+    names, every = robot.transmission.joints, np.arange(len(total))
+    own = logsumexp(GAIN_PRIOR + total, axis=1) - alike
+    whole = float(logsumexp(GAIN_PRIOR + total.sum(axis=0)) - alike.sum())
+    rivals = [every, *every[:, None]]
+    odds = _OTHER_RATIO + np.array([whole, *own])
     best = int(np.argmax(odds))
-    if odds[best] < np.logaddexp(0.0, np.logaddexp(all_apart, logsumexp(np.delete(odds, best)))):
+    others = [0.0, _LINKS_WRONG + float(own.sum()), *np.delete(odds, best)]
+    if odds[best] < logsumexp(others):
         return []
-    joints, (_, factor) = rivals[best]
+    joints = rivals[best]
+    factor = GAINS[int(np.argmax(GAIN_PRIOR + total[joints].sum(axis=0)))]
     which = ", ".join(names[k] for k in joints)
     text = f"torques of {which} are {factor:.2g} times what the links need."
     return [(LogFinding("warning", "torque_scale", "", text, _SCALE, {}, 0.5), tuple(judged))]
