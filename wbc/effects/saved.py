@@ -17,7 +17,6 @@ from wbc.files import SCHEMA, write_text
 from wbc.robot import Effect, Robot
 from wbc.robot.description import (
     build_robot,
-    check_keys,
     number_in,
     read_description,
     with_gear_numbers,
@@ -49,7 +48,8 @@ def _load(name: str | Path, referring: tuple[Path, ...]) -> Robot:
     base = str(table["robot"])
     if path.resolve() in referring:
         raise RobotError(f"{path}: 'robot' refers back to this file through '{base}'.")
-    check_keys(table, _KEYS, f"{path}")
+    for key in table:
+        require_known(RobotError, "key", key, _KEYS, f"{path}")
     beside = path.parent / base  # it may lie beside this file
     described = beside.is_file() or (beside / "robot.toml").is_file()
     robot = _load(beside if described else base, (*referring, path.resolve()))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from math import pi
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -25,24 +25,8 @@ _KEYS = {field: key for key, field in _FIELDS.items()}
 GEAR_UNITS = {_KEYS.get(name, name): number.unit for name, number in GEAR_NUMBERS.items()}
 """Key of [gears.JOINT] -> unit."""
 
-_TOP_LEVEL = (
-    "name",
-    "model",
-    "base",
-    "lock",
-    "cut_loops",
-    "gravity",
-    "transmission",
-    "gears",
-    "contacts",
-    "bodies",
-    "poses",
-)
-_LEFT_OUT = Transmission(("any",), np.ones(1), np.zeros(1))  # what stands for numbers not given
 _SENSOR = "torque_sensor"  # of a gear: a sensor behind it measures joint_torque
 _ALL = "*"  # [gears."*"]: every joint that a gear can drive
-_TRANSMISSION_KEYS = ("topology", "rotor_coupling")
-_CONTACT_KEYS = ("name", "frame", "offset", "friction", "radius")
 
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -140,36 +124,30 @@ def build_robot(path: Path, table: Mapping[str, Any]) -> Robot:
         RobotError: a key, unit, joint or file that does not exist; the message names the place.
         TransmissionError: a number outside its range.
     """
-    check_keys(table, _TOP_LEVEL, f"{path}")
-    if "model" not in table:
+    told = table_in(table, _TOP_LEVEL, f"{path}")
+    if "model" not in told:
         raise RobotError(f"{path}: the key 'model' is missing (the URDF or MJCF file).")
-    lock = table.get("lock", [])
-    if not isinstance(lock, list):
-        raise RobotError(f"{path}: lock: a list of joint names expected, got {lock!r}.")
-    file = find_model(str(table["model"]), path.parent)
-    model, notes = read_model(file, str(table.get("base", "")), list(map(str, lock)))
-    if "gravity" in table:
-        gravity = numbers_in(table["gravity"], "m/s^2", f"{path}: gravity")
-        model.gravity.linear = checked(gravity, (3,), f"{path}: gravity", RobotError)
-    settings = table_in(table.get("transmission", {}), _TRANSMISSION_KEYS, f"{path}: transmission")
-    cut = flag_in(table, "cut_loops", f"{path}")
+    file = find_model(told["model"], path.parent)
+    model, notes = read_model(file, told.get("base", ""), told.get("lock", ()))
+    if "gravity" in told:
+        model.gravity.linear = checked(told["gravity"], (3,), f"{path}: gravity", RobotError)
+    settings, gears = told.get("transmission", {}), _gears(told.get("gears", {}), model)
     full, name = path.resolve(), path.parent.name
     shipped = name in robot_names() and full == find_description(name).resolve()
-    gears = _gears(table.get("gears", {}), model, path)
     only = tuple(j for j, gear in gears.items() if gear.get(_SENSOR) and "gear_ratio" not in gear)
     robot = Robot(
-        name=str(table.get("name", full.parent.name)),
+        name=told.get("name", full.parent.name),
         model=model,
         transmission=_transmission(gears, only, settings.get("topology"), path),
-        contacts=_contacts(table.get("contacts", []), path),
-        rotors_turn_with_links=flag_in(settings, "rotor_coupling", f"{path}"),
+        contacts=told.get("contacts", ()),
+        rotors_turn_with_links=settings.get("rotor_coupling", False),
         source=RobotSource(name if shipped else str(full), model=file),
         notes=notes,
-        loops=() if cut or "topology" in settings else closed_loops(file),
+        loops=() if told.get("cut_loops") or "topology" in settings else closed_loops(file),
         sensor_only=only,
-        surface=_surface(table.get("bodies", {}), f"{path}: bodies"),
+        surface=BodySurface(**told.get("bodies", {})),
     )
-    return replace(robot, poses=_poses(robot, table.get("poses", {}), f"{path}"))
+    return replace(robot, poses=_poses(robot, told.get("poses", {}), f"{path}"))
 
 
 def with_gear_numbers(robot: Robot, gears: Any, path: Path) -> Robot:
@@ -180,27 +158,16 @@ def with_gear_numbers(robot: Robot, gears: Any, path: Path) -> Robot:
         TransmissionError: a number outside its range.
     """
     changed = robot.transmission
-    for joint, gear in _gear_tables(gears, (), path).items():
-        place = f"{path}: gear of '{joint}'"
-        numbers = {_FIELDS.get(key, key): _gear_number(gear, key, place) for key in gear}
+    for joint, numbers in _gear_tables(gears, f"{path}: gears", _GEAR_NUMBERS).items():
         changed = changed.with_values(joint, numbers)
     return robot.with_transmission(changed)
 
 
-def _gear_tables(entry: Any, more: tuple[str, ...], path: Path) -> dict[str, Mapping[str, Any]]:
-    """Return the tables [gears.JOINT], with keys that there are: numbers of a gear, and `more`."""
-    if not isinstance(entry, Mapping):
-        raise RobotError(f"{path}: gears: one table per driven joint expected, [gears.JOINT].")
-    keys = (*GEAR_UNITS, *more)
-    return {j: table_in(gear, keys, f"{path}: gear of '{j}'") for j, gear in entry.items()}
-
-
-def _gears(entry: Any, model: pin.Model, path: Path) -> dict[str, Mapping[str, Any]]:
+def _gears(own: dict[str, dict[str, Any]], model: pin.Model) -> dict[str, dict[str, Any]]:
     """Return one table per driven joint: [gears."*"] is that of all joints with one degree.
 
     The table of a joint of its own adds to it, or replaces its numbers.
     """
-    own = _gear_tables(entry, ("housing", _SENSOR), path)
     shared = own.pop(_ALL, None)
     if shared is not None:
         own = {joint: {**shared, **own.pop(joint, {})} for joint in driven_joints(model)} | own
@@ -211,71 +178,20 @@ def _transmission(
     gears: Mapping[str, Mapping[str, Any]], sensor_only: Sequence[str], topology: Any, path: Path
 ) -> Transmission:
     for joint, gear in gears.items():
-        place = f"{path}: gear of '{joint}'"
-        flag_in(gear, _SENSOR, place)
         for key in ("gear_ratio", "rotor_inertia"):
             if key not in gear and joint not in sensor_only:
                 raise RobotError(
-                    f"{place}: the key '{key}' is missing. Where logs hold nothing but a torque "
-                    f"sensor behind the gear, {_SENSOR} = true stands in place of both."
+                    f"{path}: gear of '{joint}': the key '{key}' is missing. Where logs hold "
+                    f"nothing but a torque sensor behind the gear, {_SENSOR} = true stands in "
+                    "place of both."
                 )
-    arrays: dict[str, Any] = {
-        _FIELDS.get(key, key): [
-            _gear_number(gear, key, f"{path}: gear of '{j}'") for j, gear in gears.items()
-        ]
-        for key in GEAR_UNITS
-    }
-    if topology is not None:
-        arrays["topology"] = numbers_in(topology, "1", f"{path}: topology")
-    housings = tuple(str(gear.get("housing", "")) for gear in gears.values())
-    return Transmission(joints=tuple(gears), housings=housings, **arrays)
-
-
-def _gear_number(gear: Mapping[str, Any], key: str, place: str) -> float:
-    """Return a gear's number in SI, or what stands for a key that is left out."""
-    if key in gear:
-        return number_in(gear[key], GEAR_UNITS[key], f"{place}: {key}")
-    if key == "backward_efficiency":
-        return float(wedge_backward_efficiency(_gear_number(gear, "forward_efficiency", place)))
-    return float(getattr(_LEFT_OUT, _FIELDS.get(key, key))[0])
-
-
-def _contacts(entries: Any, path: Path) -> tuple[ContactPoint, ...]:
-    if not isinstance(entries, list):
-        raise RobotError(f"{path}: contacts: a list of tables expected, [[contacts]].")
-    found = []
-    for entry in entries:
-        table_in(entry, _CONTACT_KEYS, f"{path}: contact")
-        for key in ("name", "frame"):
-            if key not in entry:
-                raise RobotError(f"{path}: a contact lacks the key '{key}'.")
-        name, frame = str(entry["name"]), str(entry["frame"])
-        place = f"{path}: contact '{name}'"
-        offset = numbers_in(entry.get("offset", [0.0, 0.0, 0.0]), "m", place)
-        friction = number_in(entry.get("friction", 0.7), "1", place)
-        radius = number_in(entry.get("radius", 0.0), "m", place)
-        found.append(ContactPoint(name, frame, offset, friction, radius))
-    return tuple(found)
-
-
-def _surface(entry: Any, place: str) -> BodySurface:
-    """Return what [bodies] says: which links touch the ground, and how."""
-    given = dict(table_in(entry, ("links", "friction", "depth", "pairs"), place))
-    for key, unit in (("friction", "1"), ("depth", "m")):
-        if key in given:
-            given[key] = number_in(given[key], unit, f"{place}: {key}")
-    if "links" in given:
-        if not isinstance(given["links"], list):
-            raise RobotError(f"{place}: links: names of bodies expected, got {given['links']!r}.")
-        given["links"] = tuple(map(str, given["links"]))
-    if "pairs" in given:
-        pairs = given["pairs"]
-        if not (
-            isinstance(pairs, list) and all(isinstance(p, list) and len(p) == 2 for p in pairs)
-        ):
-            raise RobotError(f"{place}: pairs: lists of two bodies expected, got {pairs!r}.")
-        given["pairs"] = tuple((str(one), str(other)) for one, other in pairs)
-    return BodySurface(**given)
+    each = [{**_LEFT_OUT, **gear} for gear in gears.values()]
+    for gear in each:
+        forward = gear["forward_efficiency"]
+        gear.setdefault("backward_efficiency", float(wedge_backward_efficiency(forward)))
+    arrays: dict[str, Any] = {name: [gear[name] for gear in each] for name in GEAR_NUMBERS}
+    housings = tuple(gear.get("housing", "") for gear in each)
+    return Transmission(joints=tuple(gears), topology=topology, housings=housings, **arrays)
 
 
 def bare_robot(model: pin.Model, name: str = "robot") -> Robot:
@@ -300,20 +216,17 @@ def _poses(robot: Robot, table: Any, place: str) -> Mapping[str, FloatArray]:
     """
     if not isinstance(table, Mapping):
         raise RobotError(f"{place}: poses: one table per pose expected, [poses.NAME].")
-    known = (*robot.single_joints, *(_BASE if robot.has_free_flyer else ()))
-    poses = {}
+    rows = {joint: robot.position_index(joint) for joint in robot.single_joints}
+    units = {joint: unit_at(robot, joint, "rad") for joint in rows}
+    if robot.has_free_flyer:
+        rows |= {name: row for row, name in enumerate(_BASE)}
+        units |= dict.fromkeys(_BASE, "m")
+    readers, poses = {name: quantity(unit) for name, unit in units.items()}, {}
     for name, entry in table.items():
-        at, q = f"{place}: pose '{name}'", robot.neutral()
-        if not isinstance(entry, Mapping):
-            raise RobotError(f"{at}: a table of joints expected, got {entry!r}.")
-        for joint, value in entry.items():
-            require_known(RobotError, "joint", joint, known, at)
-            if joint in _BASE:
-                q[_BASE.index(joint)] = number_in(value, "m", f"{at}: {joint}")
-                continue
-            unit = unit_at(robot, joint, "rad")
-            q[robot.position_index(joint)] = number_in(value, unit, f"{at}: {joint}")
-        poses[str(name)] = q
+        at = f"{place}: pose '{name}'"
+        poses[str(name)] = q = robot.neutral()
+        for joint, value in table_in(entry, readers, at, "a table of joints", "joint").items():
+            q[rows[joint]] = value
     return poses
 
 
@@ -336,37 +249,113 @@ def state_gear(joint: str, *keys: str) -> str:
     )
 
 
-_NUMBER_KEYS = ("value", "unit", "source", "note", "low", "high")
+Reader: TypeAlias = Callable[[Any, str], Any]
+"""Returns what a value of a file means; raises RobotError with the place where it means nothing."""
 
 
-def check_keys(table: Mapping[str, Any], known: Collection[str], place: str) -> None:
-    """Raise RobotError at the first key of `table` that is not among those `known`."""
-    for key in table:
-        require_known(RobotError, "key", key, known, place)
+def table_in(
+    entry: Any,
+    readers: Mapping[str, Reader],
+    place: str,
+    what: str = "a table",
+    kind: str = "key",
+) -> dict[str, Any]:
+    """Return the values of a table, each as its key reads it.
 
-
-def table_in(entry: Any, known: Collection[str], place: str) -> Mapping[str, Any]:
-    """Return `entry` after checking that it is a table with known keys only.
+    Args:
+        entry: what the file holds.
+        readers: of the keys that there are.
+        place: of the table, for messages.
+        what: is expected there.
+        kind: what its keys are.
 
     Raises:
-        RobotError: it is not.
+        RobotError: no table, an unknown key, or a value that its key cannot read.
     """
     if not isinstance(entry, Mapping):
-        raise RobotError(f"{place}: a table expected, got {entry!r}.")
-    check_keys(entry, known, place)
+        raise RobotError(f"{place}: {what} expected, got {entry!r}.")
+    for key in entry:
+        require_known(RobotError, kind, key, readers, place)
+    return {key: readers[key](value, f"{place}: {key}") for key, value in entry.items()}
+
+
+def _text(entry: Any, place: str) -> str:
+    return str(entry)
+
+
+def _as_it_is(entry: Any, place: str) -> Any:
     return entry
 
 
-def flag_in(table: Mapping[str, Any], key: str, place: str) -> bool:
-    """Return the true or false that a table holds, false where the key is left out.
+def _flag(entry: Any, place: str) -> bool:
+    if not isinstance(entry, bool):
+        raise RobotError(f"{place}: true or false expected, got {entry!r}.")
+    return entry
 
-    Raises:
-        RobotError: the table holds something else there.
-    """
-    value = table.get(key, False)
-    if not isinstance(value, bool):
-        raise RobotError(f"{place}: {key}: true or false expected, got {value!r}.")
-    return value
+
+def _listed(what: str, item: Reader = _text, size: int = 0) -> Reader:
+    """Return what reads a list, of so many items where a size is given."""
+
+    def read(entry: Any, place: str) -> tuple[Any, ...]:
+        if not isinstance(entry, list) or (size and len(entry) != size):
+            raise RobotError(f"{place}: {what} expected, got {entry!r}.")
+        return tuple(item(one, f"{place}[{k}]") for k, one in enumerate(entry))
+
+    return read
+
+
+def quantity(unit: str) -> Reader:
+    """Return what reads a number of a unit, see `number_in`."""
+    return lambda entry, place: number_in(entry, unit, place)
+
+
+def _several(unit: str) -> Reader:
+    return lambda entry, place: numbers_in(entry, unit, place)
+
+
+def _gear_tables(entry: Any, place: str, readers: Mapping[str, Reader]) -> dict[str, Any]:
+    """Return the tables [gears.JOINT] with numbers by the fields of a transmission."""
+    if not isinstance(entry, Mapping):
+        raise RobotError(f"{place}: one table per driven joint expected, [gears.JOINT].")
+    tables = {j: table_in(own, readers, f"{place}: gear of '{j}'") for j, own in entry.items()}
+    return {j: {_FIELDS.get(key, key): x for key, x in own.items()} for j, own in tables.items()}
+
+
+def _contact(entry: Any, place: str) -> ContactPoint:
+    told = table_in(entry, _CONTACT, place)
+    for key in ("name", "frame"):
+        if key not in told:
+            raise RobotError(f"{place}: a contact lacks the key '{key}'.")
+    return ContactPoint(**{"offset": np.zeros(3), **told})
+
+
+_GEAR_NUMBERS = {key: quantity(unit) for key, unit in GEAR_UNITS.items()}
+_GEAR = _GEAR_NUMBERS | {"housing": _text, _SENSOR: _flag}
+_LEFT_OUT = {name: one.default for name, one in GEAR_NUMBERS.items() if one.default is not None}
+_LEFT_OUT |= {"gear_ratio": 1.0, "rotor_inertia": 0.0}  # where only a sensor is known
+_CONTACT = {"name": _text, "frame": _text, "offset": _several("m")}
+_CONTACT |= {"friction": quantity("1"), "radius": quantity("m")}
+_TRANSMISSION = {"topology": _several("1"), "rotor_coupling": _flag}
+_TWO = "lists of two bodies"
+_BODIES = {
+    "links": _listed("names of bodies"),
+    "friction": quantity("1"),
+    "depth": quantity("m"),
+    "pairs": _listed(_TWO, _listed(_TWO, size=2)),
+}
+_TOP_LEVEL: Mapping[str, Reader] = {
+    **dict.fromkeys(("name", "model", "base"), _text),
+    "lock": _listed("a list of joint names"),
+    "cut_loops": _flag,
+    "gravity": _several("m/s^2"),
+    "transmission": lambda entry, place: table_in(entry, _TRANSMISSION, place),
+    "gears": lambda entry, place: _gear_tables(entry, place, _GEAR),
+    "contacts": _listed("a list of tables", _contact),
+    "bodies": lambda entry, place: table_in(entry, _BODIES, place),
+    "poses": _as_it_is,
+}
+_NUMBER = {"value": _as_it_is, "unit": _text}
+_NUMBER |= dict.fromkeys(("source", "note", "low", "high"), _as_it_is)
 
 
 def number_in(entry: Any, unit: str, place: str) -> float:
@@ -388,13 +377,10 @@ def numbers_in(entry: Any, unit: str, place: str) -> FloatArray:
     Raises:
         RobotError: no number, an unknown key or unit, or a unit of another quantity.
     """
-    if isinstance(entry, Mapping):
-        check_keys(entry, _NUMBER_KEYS, place)
-        if "value" not in entry:
-            raise RobotError(f"{place}: the key 'value' is missing.")
-        given, stated = entry["value"], str(entry.get("unit", unit))
-    else:
-        given, stated = entry, unit
+    told = table_in(entry, _NUMBER, place) if isinstance(entry, Mapping) else {"value": entry}
+    if "value" not in told:
+        raise RobotError(f"{place}: the key 'value' is missing.")
+    given, stated = told["value"], told.get("unit", unit)
     if not _holds_numbers(given):
         raise RobotError(f"{place}: {given!r} is not a number.")
     try:
