@@ -251,7 +251,7 @@ def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[Found]:
             return found
         likeliest = _likeliest(robot, judged)
         if likeliest is None:
-            return found or _other_scale(robot, judged) or _foreign(robot, judged)
+            return found or _foreign(robot, judged) or _other_scale(robot, judged)
         found.append(likeliest)
         mistake, having = likeliest
         if mistake.probability < CERTAIN or not mistake.mend:
