@@ -225,9 +225,11 @@ class Plant(Ranged):
 
     def gaps(self, state: SimState) -> FloatArray:
         """Return the distance (k,) of the contact points from the ground [m]."""
-        obstacles = self._setup.plant.obstacles
-        self._setup.gaps(state.position)  # which places the points, too
-        return self.terrain.gap(obstacles.points)[0] - obstacles.contacts[:, 3]
+        told, poses = self._setup.plant.obstacles, self._setup.plant.placed.poses
+        self._setup.gaps(state.position)  # which places the bodies
+        turns, own = poses[told.contact_at].reshape(-1, 4, 3), told.contacts[:, :3, None]
+        points = (turns[:, :3] @ own)[..., 0] + turns[:, 3]
+        return self.terrain.gap(points)[0] - told.contacts[:, 3]
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:

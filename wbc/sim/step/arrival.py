@@ -24,7 +24,7 @@ from wbc.mechanics.linear import (
     solve_factored,
 )
 from wbc.mechanics.memory import whole_of, zeros_of
-from wbc.sim.step.contacts import barrier_rows, gaps_at, gaps_of, other_place, put
+from wbc.sim.step.contacts import NEAR, barrier_rows, gaps_at, gaps_of, other_place, put
 from wbc.sim.step.motion import advance, carry, look, set_momentum, weigh
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.part_rows import PartRows
@@ -45,7 +45,6 @@ took a shift of 0.7 mm when both were met exactly, which lifted the box by 0.01 
 """
 _SWEEPS = 100
 _TRIES = 100
-_NEAR = 0.05  # [m, rad] a correction at most, and how near a barrier must be to bound it
 
 
 @compiled(inside=True)
@@ -215,7 +214,7 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
         near, count, touching, deepest = np.empty(size, dtype=np.int64), 0, 0, 0.0
         for i in range(size):
             deepest = min(deepest, here[i])
-            if here[i] < _NEAR:
+            if here[i] < NEAR:
                 near[count], count = i, count + 1
                 touching += i >= plant.obstacles.limits
         if deepest >= -0.5 * TOUCH:
@@ -231,7 +230,7 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
         copy_to(q, last)
         free, missing = np.zeros(count, dtype=np.int64), np.empty(count)
         for row in range(count):
-            missing[row] = min(-here[near[row]], _NEAR)
+            missing[row] = min(-here[near[row]], NEAR)
         if not shift_of(metric, matrix[:count], free, missing, shift):
             return False
         moved_along(plant.tree.joints, last, shift, 1.0, q)
