@@ -69,8 +69,7 @@ class GearModel:
         asked = frozenset[str]().union(*[effect.acts_by for effect in self._effects])
         self.differs = bool(asked & {"rotor_torque", "drive_inverse"})
         self._pushed = bool(asked & {"joint_torque", "joint_friction", "rotor_torque"})
-        self._asks_gears = "gear_efficiencies" in asked
-        self._gears_act = self._asks_gears or bool(self._table.gears[:, COEFFICIENT].any())
+        self._gears_act = bool(self._table.gears[:, COEFFICIENT].any())
         varies = limit is not None and (limit.knee is not None or "rotor_torque" in asked)
         self._varying = limit if varies else None
         self._contacts: object = None
@@ -144,8 +143,6 @@ class GearModel:
 
     def _efficiencies(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
         """Return eta_f and eta_b (m,) at a motion."""
-        if self._asks_gears:
-            return self.robot.gear_efficiencies(motion)
         gears, now = self.robot.transmission, (np.empty(self.size), np.empty(self.size))
         given = gears.forward_efficiency, gears.backward_efficiency
         fill_efficiencies(self._table.gears, self.speed(motion.velocity), *given, *now)

@@ -10,9 +10,10 @@ from typing import final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.joint_effect import GearNumbers, JointEffect, range_of, stribeck
+from wbc.effects.joint_effect import GearNumbers, JointEffect, range_of
 from wbc.errors import EffectError, require_known
 from wbc.robot import Evidence, Motion, Robot, Screen, SearchOffer, number
+from wbc.transmission import stribeck
 
 
 def viscous(v: FloatArray, coefficient: float) -> FloatArray:

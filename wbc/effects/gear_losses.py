@@ -9,8 +9,8 @@ from typing import ClassVar, Literal, Self, final, get_args
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
-from wbc.effects.joint_effect import GearNumbers, JointEffect, stribeck
+from wbc.arrays import FloatArray
+from wbc.effects.joint_effect import GearNumbers, JointEffect
 from wbc.robot import Evidence, Motion, Robot, Screen, SearchOffer, Usual, number
 from wbc.transmission import Flanks, wedge_backward_efficiency
 
@@ -162,14 +162,14 @@ def _load_recognisable(
     effect: LoadStribeckFriction, robot: Robot, motions: Sequence[Motion]
 ) -> bool:
     """Whether the gear passed twice the Stribeck speed: below it this is load friction."""
-    gear = effect.gear(robot)
+    gear = robot.transmission.index(effect.where)
     fastest = max(np.abs(_output_speed(robot, gear, m)).max() for m in motions)
     return bool(2.0 * effect.speed < fastest)
 
 
 @final
 @dataclass(frozen=True)
-class LoadStribeckFriction(JointEffect):
+class LoadStribeckFriction(GearNumbers):
     """Load friction near rest: its coefficient is c(w) = coefficient * exp(-(w/speed)^2).
 
     w is the speed of the gear's output. With t the mesh input: T w > 0 gives T = (1 - c(w)) t and
@@ -178,13 +178,14 @@ class LoadStribeckFriction(JointEffect):
     Stribeck friction under load of BAM's models M4 to M6 (Duclusaud, Passault, Padois and Ly).
 
     Attributes:
-        coefficient: c at rest, between 0 and 1.
-        speed: Stribeck speed [rad/s] at the gear's output.
+        coefficient: c at rest, between 0 and 1; replaces the robot's value.
+        speed: Stribeck speed [rad/s] at the gear's output; likewise.
     """
 
     coefficient: float = field(metadata=number("1", 0.0, 0.0, _MOST, 0.1))
     speed: float = field(metadata=number("rad/s", 0.1, 0.001, 20.0, 0.1, shape=True))
 
+    numbers = (("coefficient", "slow_loss", 0), ("speed", "slow_speed", 0))
     explanation = (
         "Loaded teeth and bearings rub more while the film of grease between them is broken: the "
         "loss grows with the torque carried and falls as the joint picks up speed."
@@ -206,23 +207,10 @@ class LoadStribeckFriction(JointEffect):
         recognisable=_load_recognisable,
     )
 
-    def gear_efficiencies(
-        self, robot: Robot, motion: Motion, forward: FloatArray, backward: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return eta_f and eta_b (..., m) with this gear's at the present speed."""
-        gear = self.gear(robot)
-        share = stribeck(_output_speed(robot, gear, motion), self.coefficient, self.speed)
-        shape = (*motion.velocity.shape[:-1], robot.transmission.size)
-        forward, backward = (np.array(np.broadcast_to(eta, shape)) for eta in (forward, backward))
-        forward[..., gear] *= 1.0 - share
-        backward[..., gear] /= 1.0 + share
-        return forward, backward
 
-
-def _output_speed(robot: Robot, gear: int | IntArray, motion: Motion) -> FloatArray:
-    """Return w (...) [rad/s] of the output of a gear, (..., k) of k gears."""
-    rows = robot.transmission.motor_from_joint[gear]
-    return np.asarray(motion.velocity[..., robot.actuated] @ rows.T)
+def _output_speed(robot: Robot, gear: int, motion: Motion) -> FloatArray:
+    """Return w (...) [rad/s] of the output of a gear."""
+    return np.asarray(motion.velocity @ robot.motor_rows[gear])
 
 
 Side = Literal["link", "motor", "either"]

@@ -136,17 +136,6 @@ class GearNumbers(JointEffect, ABC):
         return robot.with_transmission(gears.with_values(self.where, numbers))
 
 
-def stribeck(v: FloatArray, level: float, speed: float) -> FloatArray:
-    """Return level * exp(-(v/speed)^2) (...), what a broken film of lubricant adds near rest.
-
-    Args:
-        v: speed of the surfaces [rad/s].
-        level: at rest: a torque [N m], or a share of the load.
-        speed: Stribeck speed [rad/s].
-    """
-    return level * np.exp(-((v / speed) ** 2))
-
-
 def range_of(values: Sequence[FloatArray | None], gear: int | IntArray) -> tuple[float, float]:
     """Return the lowest and highest value at a gear; NaN where not all logs know it.
 

@@ -15,7 +15,7 @@ may be called from compiled functions:
 What is left acts by its hooks, `left_for_hooks(robot)`: one effect per kind, with all its places.
 Their smooth torques and levels add to the table's. A command goes through their `drive` hooks in
 order, then through `fill_delivered`, then their `rotor_torque` is added; the way back is the
-reverse. Efficiencies are the table's or theirs, never both.
+reverse.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from wbc.compiled import Dense, Number, OutRow, Row, Table, compiled
 from wbc.effects import friction
 from wbc.effects.catalogue import EFFECTS
 from wbc.effects.drive import CurrentLimit, TorqueConstant, TorqueOffset
-from wbc.effects.gear_losses import LoadStribeckFriction
-from wbc.effects.joint_effect import JointEffect, Rows, stribeck
+from wbc.effects.joint_effect import JointEffect, Rows
 from wbc.effects.position_torques import JointSpring, TorqueRipple, ripple, spring
 from wbc.robot import Effect, Motion, Robot
+from wbc.transmission import stribeck
 
 LAW, POSITION, VELOCITY = range(3)
 """Columns of `EffectTable.joints`."""
@@ -67,8 +67,8 @@ class EffectTable(NamedTuple):
         numbers: (k, 3) its parameters in their order, zeros behind them.
         drives: (m, 3) factor of the commanded torque, limit of what comes out [N m], and what is
             added to it [N m], all on the rotor; 1, infinity and 0 where nothing acts.
-        gears: (m, 2) `LoadStribeckFriction`: coefficient at rest, and speed [rad/s] of the
-            output; 0 and 1 where there is none.
+        gears: (m, 2) share of the load lost near rest, and speed [rad/s] of the output at which it
+            falls off: `slow_loss` and `slow_speed` of the transmission.
     """
 
     joints: IntArray
@@ -86,7 +86,6 @@ def effect_table(robot: Robot) -> EffectTable:
     joints, numbers = [], []
     gears = robot.transmission
     drives = np.tile(_PERFECT, (gears.size, 1))
-    sliding = np.tile([0.0, 1.0], (gears.size, 1))
     for effect in tabled:
         values = list(effect.values.values())
         if type(effect) in _LAWS:
@@ -102,13 +101,11 @@ def effect_table(robot: Robot) -> EffectTable:
             drives[gear, LIMIT] = min(drives[gear, LIMIT], effect.limit / abs(ratio))
         elif isinstance(effect, TorqueOffset):
             drives[gear, OFFSET] += effect.offset / ratio
-        elif isinstance(effect, LoadStribeckFriction):
-            sliding[gear] = values
     return EffectTable(
         frozen(np.reshape(joints, (-1, 3)), np.int64),
         frozen(np.reshape(numbers, (-1, _NUMBERS))),
         frozen(drives),
-        frozen(sliding),
+        frozen(np.column_stack((gears.slow_loss, gears.slow_speed))),
     )
 
 
@@ -133,8 +130,7 @@ def left_for_hooks(robot: Robot) -> tuple[Effect, ...]:
 def _is_tabled(robot: Robot, effect: Effect) -> bool:
     """Whether a table holds an effect.
 
-    The drives of a robot act one after the other, and so do effects on the efficiencies of gears:
-    all of them are in the table, or none.
+    The drives of a robot act one after the other: all of them are in the table, or none.
     """
     kind = type(effect)
     if kind in _LAWS or kind is TorqueOffset:
@@ -142,10 +138,6 @@ def _is_tabled(robot: Robot, effect: Effect) -> bool:
     if kind in _DRIVES:
         acting = [e for e in robot.effects if e.acts_by & {"drive", "drive_inverse"}]
         return all(type(e) in _DRIVES for e in acting)
-    if kind is LoadStribeckFriction:
-        on_gears = [e for e in robot.effects if "gear_efficiencies" in e.acts_by]
-        alone = len({e.where for e in on_gears}) == len(on_gears)
-        return alone and all(type(e) is kind for e in on_gears)
     return False
 
 
@@ -242,15 +234,13 @@ def _acted(robot: Robot, effects: Sequence[Effect], motion: Motion) -> list[Floa
     smooth, dry = np.zeros_like(motion.velocity), np.zeros_like(motion.velocity)
     given = np.broadcast_to(np.linspace(-1.0, 1.0, gears.size), (*samples, gears.size))
     added, torque, command, shown, seen = np.zeros(given.shape), given, given, motion, motion
-    eta = gears.forward_efficiency, gears.backward_efficiency
     for effect in effects:
         add_torques(robot, effect, motion, (smooth, dry, added))
         torque = effect.drive(robot, motion, torque)
-        eta = effect.gear_efficiencies(robot, motion, *eta)
         shown, seen = effect.measured(robot, shown), effect.true(robot, seen)
     for effect in reversed(effects):
         command = effect.drive_inverse(robot, motion, command)
-    return [smooth, dry, added, torque, command, *eta, shown.position, seen.position]
+    return [smooth, dry, added, torque, command, shown.position, seen.position]
 
 
 _viscous = compiled(Number, Number, Number)(friction.viscous)

@@ -19,7 +19,6 @@ from wbc.effects import (
     CurrentLimit,
     JointSpring,
     LoadPresliding,
-    LoadStribeckFriction,
     Presliding,
     StribeckFriction,
     TorqueConstant,
@@ -31,7 +30,7 @@ from wbc.errors import RobotError
 from wbc.robot import Effect, Robot
 
 _HELD = (ViscousFriction, CoulombFriction, JointSpring, TorqueConstant, CurrentLimit, TorqueOffset)
-_KINDS = (LoadPresliding, LoadStribeckFriction, Presliding, StribeckFriction)
+_KINDS = (LoadPresliding, Presliding, StribeckFriction)
 TOLD = ("transmission_efficiency", *(kind.name for kind in _KINDS))
 """Names of the effects that these numbers hold beside what stands in every exported file."""
 
@@ -108,11 +107,13 @@ def _of_gears(robot: Robot, losses_told: bool) -> Iterator[str]:
     gears = robot.transmission
     for k, joint in enumerate(gears.joints):
         forward, backward = gears.forward_efficiency[k], gears.backward_efficiency[k]
-        if not losses_told and (forward != 1.0 or backward != 1.0):
+        slow = gears.slow_loss[k]
+        if not losses_told and (forward != 1.0 or backward != 1.0 or slow > 0.0):
+            more = f", {slow:.3g} more near rest" if slow > 0.0 else ""
             yield (
                 f"losses in the gear at {joint} (forward efficiency {forward:.3g}, backward "
-                f"efficiency {backward:.3g}): the exported gear loses nothing that grows with "
-                "the load"
+                f"efficiency {backward:.3g}{more}): the exported gear loses nothing that grows "
+                "with the load"
             )
         if np.isfinite(gears.stiffness[k]):
             yield (
@@ -130,8 +131,6 @@ def _in_words(effect: Effect) -> Iterator[str]:
     acts = effect.acts_by - {"change"}
     if acts & {"measured", "true", "measured_forces", "true_forces"}:
         yield f"{effect.said()}: it belongs to the sensors, so correct what they report"
-    elif "gear_efficiencies" in acts:
-        yield f"{effect.said()}: the exported gear loses nothing that grows with the load"
     elif acts:
         yield effect.said()
 
@@ -155,8 +154,7 @@ def loss_numbers(robot: Robot) -> dict[str, Any]:
         )
     found, size = joint_numbers(robot, TOLD), gears.size
     forward, backward = gears.forward_efficiency, gears.backward_efficiency
-    slow = robot.with_acting(e for e in robot.effects if isinstance(e, LoadStribeckFriction))
-    (coefficient, speed), length = effect_table(slow).gears.T, np.zeros(size)
+    length = np.zeros(size)
     for effect in robot.effects:
         if isinstance(effect, LoadPresliding):
             length[gears.index(effect.where)] = effect.length
@@ -170,8 +168,8 @@ def loss_numbers(robot: Robot) -> dict[str, Any]:
         "forward_efficiency": forward,
         "backward_efficiency": backward,
         "gear_length": length,
-        "slow_coefficient": coefficient,
-        "slow_speed": speed,
+        "slow_coefficient": gears.slow_loss,
+        "slow_speed": gears.slow_speed,
         "rotor_inertia": gears.reflected_inertia,
         "rotor_damping": found.motor_damping,
         "rotor_friction": found.motor_friction,

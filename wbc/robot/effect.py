@@ -138,7 +138,6 @@ Hook = Literal[
     "rotor_torque",
     "drive",
     "drive_inverse",
-    "gear_efficiencies",
     "meshed",
     "measured",
     "true",
@@ -505,22 +504,6 @@ class Effect(ABC):
     def drive_inverse(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque that the drive reports when it delivers `torque`, (..., m)."""
         return torque
-
-    def gear_efficiencies(
-        self, robot: Robot, motion: Motion, forward: FloatArray, backward: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return eta_f and eta_b (..., m) of all gears, where they depend on the present motion.
-
-        Unlike what `change` says of a gear, which holds at any speed. A gear that turns the motor
-        round by itself must not become self-locking, nor the other way round.
-
-        Args:
-            robot: the robot.
-            motion: one sample or many.
-            forward: eta_f (..., m) by the gears and the effects before.
-            backward: eta_b (..., m), likewise.
-        """
-        return forward, backward
 
     def meshed(
         self, robot: Robot, motion: Motion, output: FloatArray, mesh: FloatArray

@@ -17,7 +17,7 @@ from wbc.arrays import FloatArray, IntArray, Ranged, Remade, checked, frozen, mu
 from wbc.errors import RobotError, require_known, unknown_name
 from wbc.robot.effect import Effect, Motion
 from wbc.tables import few
-from wbc.transmission import Transmission
+from wbc.transmission import Transmission, stribeck
 
 
 @dataclass(frozen=True, eq=False)
@@ -481,22 +481,17 @@ class Robot(Remade):
         """Numbers (s,) of the gears with a torque sensor behind them."""
         return frozen([self.transmission.index(j) for j in self.torque_sensors], np.int_)
 
-    def gear_efficiencies(
-        self, motion: Motion, forward: FloatArray | None = None, backward: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
+    def gear_efficiencies(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
         """Return eta_f and eta_b of all gears at a motion, (..., m); (m,) where it matters nowhere.
 
         Args:
             motion: one sample or many.
-            forward: eta_f (m,) to start from; that of the transmission when left out.
-            backward: eta_b (m,), likewise.
         """
         gears = self.transmission
-        forward = gears.forward_efficiency if forward is None else forward
-        backward = gears.backward_efficiency if backward is None else backward
-        for effect in self.effects:
-            forward, backward = effect.gear_efficiencies(self, motion, forward, backward)
-        return forward, backward
+        if not gears.slow_loss.any():
+            return gears.forward_efficiency, gears.backward_efficiency
+        share = stribeck(motion.velocity @ self.motor_rows.T, gears.slow_loss, gears.slow_speed)
+        return gears.forward_efficiency * (1.0 - share), gears.backward_efficiency / (1.0 + share)
 
     def with_contacts(self, contacts: Iterable[ContactPoint]) -> Robot:
         """Return the same robot with other offsets, balls or friction at its contacts.

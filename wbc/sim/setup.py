@@ -109,7 +109,6 @@ class Setup:
         barriers: its limits and contacts.
         hooks: effects that no table holds, one per kind; `SimState.memory` has one entry for each.
         first_memory: what these start with; empty where none has a state of its own.
-        varying: whether efficiencies of gears depend on the motion by hooks.
         waits: whether a part needs Python in its middle: for effects that no table holds, or for
             rotor coupling.
         plant: numbers and memory of the loops, which Python reads and writes between them, too.
@@ -151,7 +150,6 @@ class Setup:
         self.hooks = left_for_hooks(robot)
         held: EffectMemory = tuple(effect.first_memory(robot) for effect in self.hooks)
         self.first_memory = held if any(memory is not None for memory in held) else ()
-        self.varying = any("gear_efficiencies" in own.acts_by for own in self.hooks)
         self.waits = bool(self.hooks) or robot.rotors_turn_with_links
         self._error: BaseException | None = None
         self._answers: list[Any] = []
@@ -258,10 +256,6 @@ class Setup:
         told.command[:] = rotor
         if external is not None:
             told.outer[:] += external
-        if self.varying:
-            eta = self.drive.forward, self.drive.backward
-            forward, told.backward[:] = self.robot.gear_efficiencies(motion, *eta)
-            told.inverse[:] = 1.0 / forward
 
     def _take_more(self) -> None:
         """Give the loops more memory."""

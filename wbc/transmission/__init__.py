@@ -8,6 +8,7 @@ from wbc.transmission.mesh import (
     direction as direction,
     efficiency as efficiency,
     mesh_input as mesh_input,
+    stribeck as stribeck,
     wedge_backward_efficiency as wedge_backward_efficiency,
 )
 from wbc.transmission.transmission import (

@@ -116,6 +116,17 @@ def efficiency(
     return np.asarray(np.where(mode > 0, forward, np.where(mode < 0, inverse, 1.0)))
 
 
+def stribeck(v: FloatArray, level: float | FloatArray, speed: float | FloatArray) -> FloatArray:
+    """Return level * exp(-(v/speed)^2) (...), what a broken film of lubricant adds near rest.
+
+    Args:
+        v: speed of the surfaces [rad/s].
+        level: at rest: a torque [N m], or a share of the load.
+        speed: Stribeck speed [rad/s].
+    """
+    return level * np.exp(-((v / speed) ** 2))
+
+
 @dataclass(frozen=True)
 class Flanks:
     """The flanks of a gear, between which it may have play.

@@ -91,6 +91,9 @@ class Transmission(Remade):
         stiffness: (m,) [N m/rad] between gear and joint, at the motor output; infinite is rigid.
         damping: (m,) [N m s/rad] beside the stiffness.
         backlash: (m,) [rad], the whole free play at the motor output.
+        slow_loss: (m,) share c of the load that a gear loses beside its efficiencies at rest:
+            eta_f (1 - c(w)) and eta_b / (1 + c(w)) with c(w) = c exp(-(w/slow_speed)^2).
+        slow_speed: (m,) [rad/s] at the motor output.
         housings: name of the link that carries each motor, "" or nothing at all for the link
             before the joint; a parallelogram's second motor sits on the base, not on the thigh.
     """
@@ -119,6 +122,8 @@ class Transmission(Remade):
     stiffness: FloatArray = _above_zero("N m/rad", np.inf)
     damping: FloatArray = _above_zero("N m s/rad", 0.0, zero=True)
     backlash: FloatArray = _above_zero("rad", 0.0, zero=True)
+    slow_loss: FloatArray = _number("1", 0.0, (lambda x: (x >= 0.0) & (x < 1.0), ">= 0 and < 1"))
+    slow_speed: FloatArray = _above_zero("rad/s", 1.0)
     housings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -241,7 +246,7 @@ class Transmission(Remade):
     def lossless(self) -> Transmission:
         """Return the same gears with eta_f = eta_b = 1 and frictionless rotors."""
         kept = dict.fromkeys(("forward_efficiency", "backward_efficiency"), np.ones(self.size))
-        lost = ("rotor_coulomb_friction", "rotor_viscous_friction")
+        lost = ("rotor_coulomb_friction", "rotor_viscous_friction", "slow_loss")
         return self.replace(**kept, **dict.fromkeys(lost, np.zeros(self.size)))
 
 

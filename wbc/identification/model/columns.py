@@ -105,9 +105,7 @@ class SparseColumns:
         return self if used.all() else replace(self, values=self.values[:, :, used])
 
 
-_IN_GEAR = frozenset(
-    {"drive", "drive_inverse", "gear_efficiencies", "meshed", "rotor_torque", "change"}
-)
+_IN_GEAR = frozenset({"drive", "drive_inverse", "meshed", "rotor_torque", "change"})
 _AT_JOINT = frozenset({"joint_torque", "joint_friction"})
 _PER_JOINT = ("gear_ratio", "topology")  # numbers of gears by which they share what links need
 
