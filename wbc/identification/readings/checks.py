@@ -10,14 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.errors import IdentificationError, LogError
 from wbc.identification.readings.kinds import columns_of, in_degrees
 from wbc.identification.readings.mistakes import (
     SuspiciousLogError,
     find_suspicions,
     motionless,
-    single_ratios,
     torque_mistakes,
 )
 from wbc.identification.records.channels import (
@@ -49,7 +47,6 @@ _NO_TORQUE = "Record what the drive reports; a log of positions alone can be pla
 _PLACES = 400  # of a log at which contacts are looked at
 _BEYOND = 3.0  # times the limit of a joint
 _MANY_TURNS = 6.0 * pi
-_OTHERWISE = 0.01  # of the power of a motor's motion that its joint's may leave
 
 
 def refusal(log: Log, robot: Robot) -> LogFinding | None:
@@ -334,24 +331,6 @@ def _without_torque(log: Log, robot: Robot) -> Iterator[LogFinding]:
         yield LogFinding("error", "no_torque_constant", "", text, way)
 
 
-def turns_ratio(joint: FloatArray, motor: FloatArray) -> float:
-    """Return how many times one motion (N,) is another (N,), 0 where they are not the same motion.
-
-    Play, flexible gears and noise leave little of the motor's motion; at 1 % the ratio is off by no
-    more than a hundredth. It is read from the motor, whose encoder turns further and whose noise
-    counts the least.
-    """
-    known = np.isfinite(joint) & np.isfinite(motor)
-    x, y = (values[known] - np.mean(values[known]) for values in (joint, motor))
-    both = float(x @ y)
-    if x.size < 3 or both**2 < (1.0 - _OTHERWISE) * float(x @ x) * float(y @ y) or both == 0.0:
-        return 0.0
-    return float(y @ y) / both
-
-
-_SCALE_ERROR = 0.05
-
-
 @dataclass(frozen=True)
 class LogQuality:
     """Clock, resolution and findings of one log.
@@ -442,7 +421,6 @@ def _pieces(log: Log) -> list[Log]:
 
 
 def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> LogQuality:
-    ratios = single_ratios(robot) if robot is not None else {}
     kinds = {finding.kind for finding in suspected}
     said = {finding.column for finding in suspected}
     said |= {name for f in suspected for name in f.likeliest.get("columns", {})}
@@ -453,7 +431,6 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
         *suspected,
         *lacks,
         *check_alone(log, said),
-        *check_rotor_positions(log, ratios),
         *(f for f in ranges if f.column not in said or (f.severity == "error" and not certain)),
         *check_reading(log, lacks),
     ]
@@ -468,23 +445,6 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
         resolution={name: resolution(values) for name, values in log.columns.items()},
         findings=_gravest_first(findings),
     )
-
-
-def check_rotor_positions(log: Log, ratios: Mapping[str, float]) -> Iterator[LogFinding]:
-    """Yield findings about rotor positions whose ratio to the joint is not the gear's.
-
-    Args:
-        log: the log.
-        ratios: gear ratio N of joints whose motor drives that joint alone.
-    """
-    held = [joint for joint in log.with_quantity("rotor_position") if joint in ratios]
-    for joint in (joint for joint in held if log.has(f"{joint}.position")):
-        name, position = f"{joint}.rotor_position", log.column(f"{joint}.position")
-        seen, ratio = turns_ratio(position, log.column(name)), ratios[joint]
-        if np.ptp(position) >= 1e-3 and abs(seen / ratio - 1.0) > _SCALE_ERROR:
-            text = f"it moves {seen:.4g} times as far as the joint, the gear ratio being {ratio:g}."
-            way = "Check on which side of the gear both are, and the gear ratio of the robot."
-            yield LogFinding("error", "gear_side", name, text, way)
 
 
 def _gravest_first(findings: Sequence[LogFinding]) -> tuple[LogFinding, ...]:
