@@ -188,7 +188,7 @@ class Setup:
         asked = self._address(self._ask_forces) if self.waits else 0
         full = self._address(self._take_stages)
         limit = self.robot.transmission.torque_limit
-        given = 1.0 / self.drive.forward, np.array(self.drive.backward), -limit, np.array(limit)
+        given = -limit, np.array(limit)
         room = map(np.zeros, (m, m, nv, nv, nv, m if meshed else 0))
         forces = *effect_table(self.robot), *given, *room, asked, full
         return stored(

@@ -92,7 +92,7 @@ def gear_laws(plant: Opened, speed: Row, step: float, laws: OutDense) -> None:
         brought = step * gears.ratio[i] * plant.end.torque[i] + gears.inertia[i] * speed[i]
         law[0], law[1], law[2] = brought - rubs, brought + rubs, gears.inertia[i]
         law[2] += step * gears.viscous[i]
-        law[3], law[4], law[5], law[6] = forces.inverse[i], forces.backward[i], 0.0, 0.0
+        law[3], law[4], law[5], law[6] = gears.inverse[i], gears.backward[i], 0.0, 0.0
         rest, slowness = forces.gears[i, 0], forces.gears[i, 1]
         if rest > 0.0:
             share = near_rest(dot(plant.end.speed, gears.rows[i]), rest, slowness)

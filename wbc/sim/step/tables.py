@@ -193,7 +193,6 @@ class Forces(NamedTuple):
     Attributes:
         joints, numbers, drives, gears: effects that loops evaluate in the middle, see
             `EffectTable`.
-        inverse, backward: (m,) memory: 1/eta_f, eta_b in a part, without what `gears` takes.
         low, high: (m,) memory: bounds of the rotor torques [N m].
         command: (m,) memory: [N m] that reaches these drives.
         added: (m,) memory: [N m] on the rotors, of effects that Python evaluates.
@@ -202,8 +201,8 @@ class Forces(NamedTuple):
         friction: (nv,) memory: level of all dry friction.
         mesh: (m,) memory: torque [N m] that effects take the gears to carry, no number where it is
             what they remember; empty where no effect asks.
-        asked: address of a function of Python that fills command, added, outer, dry and
-            efficiencies in the middle, and coupling of gears, also before an impact; else zero.
+        asked: address of a function of Python that fills command, added, outer and dry in the
+            middle, and coupling of gears, also before an impact; else zero.
         full: address of one that takes `Opened.stages`, which are all used.
     """
 
@@ -211,8 +210,6 @@ class Forces(NamedTuple):
     numbers: Dense
     drives: Dense
     gears: Dense
-    inverse: OutRow
-    backward: OutRow
     low: OutRow
     high: OutRow
     command: OutRow
