@@ -84,6 +84,7 @@ def _room(excited_log: Excited, here: Path) -> None:
         ("q1.csv", "hip.position", "q1"),
         ("x9.csv", "hip.position", "x9"),
         ("t.csv", "time", "t"),
+        ("leg_2026-03-01.csv", "time", "time"),
     ):
         Path(name).write_text(text.replace(old, new, 1))
     columns, first = {"time": log.time, **log.columns}, log.time < log.time[len(log) // 2]
