@@ -70,7 +70,7 @@ def contact_torque(
     Args:
         robot: the robot.
         position: q (N, nq).
-        forces: contact name -> (N, 3) [N], ground on robot, world axes.
+        forces: contact name -> (N, 3) [N], ground on robot, world axes, as sensors report them.
         points: contact name -> `point_jacobians` at these positions, where they are known.
 
     Raises:
@@ -79,7 +79,8 @@ def contact_torque(
     result = np.zeros((len(position), robot.model.nv))
     for name, force in forces.items():
         point = point_jacobians(robot, position, name) if points is None else points[name]
-        result += np.einsum("nij,ni->nj", point, force @ _at_ground(robot, name))
+        true = force / robot.contact(name).sensor_gain
+        result += np.einsum("nij,ni->nj", point, true @ _at_ground(robot, name))
     return result
 
 

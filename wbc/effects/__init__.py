@@ -1,6 +1,10 @@
 """One small final class per physical effect, shared by controller, simulator and logs."""
 
 from wbc.effects.catalogue import EFFECTS as EFFECTS, effect_class as effect_class
+from wbc.effects.contacts import (
+    ContactRadius as ContactRadius,
+    ForceSensorGain as ForceSensorGain,
+)
 from wbc.effects.drive import (
     ActuationDelay as ActuationDelay,
     CurrentLimit as CurrentLimit,
@@ -30,7 +34,6 @@ from wbc.effects.gear_losses import (
 from wbc.effects.joint_effect import JointEffect as JointEffect
 from wbc.effects.links import (
     CenterOfMass as CenterOfMass,
-    ContactRadius as ContactRadius,
     GravityDirection as GravityDirection,
     LinkInertia as LinkInertia,
     LinkInertias as LinkInertias,
@@ -39,4 +42,4 @@ from wbc.effects.links import (
 from wbc.effects.position_torques import JointSpring as JointSpring, TorqueRipple as TorqueRipple
 from wbc.effects.presliding import LoadPresliding as LoadPresliding, Presliding as Presliding
 from wbc.effects.saved import load_robot as load_robot, save_robot as save_robot
-from wbc.effects.sensing import ForceSensorGain as ForceSensorGain, PositionOffset as PositionOffset
+from wbc.effects.sensing import PositionOffset as PositionOffset

@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import MappingProxyType
 
 from wbc.effects import (
+    contacts,
     drive,
     formula,
     friction,
@@ -17,7 +18,7 @@ from wbc.effects import (
 from wbc.errors import EffectError, require_known
 from wbc.robot import Effect
 
-_FILES = (friction, presliding, gear_losses, drive, links, position_torques, sensing)
+_FILES = (friction, presliding, gear_losses, drive, links, position_torques, contacts, sensing)
 
 EFFECTS: MappingProxyType[str, type[Effect]] = MappingProxyType(
     {

@@ -22,7 +22,6 @@ from wbc.robot import (
     Robot,
     Screen,
     SearchOffer,
-    Usual,
     number,
 )
 from wbc.robot.effect import small_steps
@@ -560,45 +559,6 @@ class GravityDirection(Effect):
         """Return the robot in the tilted field."""
         field = np.asarray(robot.model.gravity.linear)
         return robot.with_gravity(pin.rpy.rpyToMatrix(self.roll, self.pitch, 0.0) @ field)
-
-
-@final
-@dataclass(frozen=True)
-class ContactRadius(Effect):
-    """The ground is touched by a ball around a contact point, not by the point.
-
-    Attributes:
-        radius: of the ball [m].
-    """
-
-    radius: float = field(metadata=number("m", 0.0, 0.0, 1.0, 0.01, usual=Usual(0.0, 0.05, 0.02)))
-
-    explanation = (
-        "A foot is larger or smaller than described: the ground pushes it this far below the "
-        "contact point, so that forces along the ground turn every joint above otherwise."
-    )
-    experiment = (
-        "Measure the foot. Or push the standing robot sideways: the error of all joints of a leg "
-        "follows the force along the ground times one length."
-    )
-
-    @classmethod
-    def places(cls, robot: Robot) -> tuple[str, ...]:
-        """Every contact point."""
-        return tuple(contact.name for contact in robot.contacts)
-
-    @classmethod
-    def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
-        """Return the radius that the robot has."""
-        return {"radius": robot.contact(where).radius}
-
-    def change(self, robot: Robot) -> Robot:
-        """Return the robot with this ball."""
-        contact = robot.contact(self.where)
-        if self.radius == contact.radius:
-            return robot
-        ball = replace(contact, radius=self.radius)
-        return robot.with_contacts(ball if one is contact else one for one in robot.contacts)
 
 
 def add_point_mass(inertia: pin.Inertia, mass: float, point: FloatArray) -> pin.Inertia:

@@ -83,6 +83,11 @@ def joint_numbers(robot: Robot, told: Container[str] = ()) -> JointNumbers:
         constant[row] += size * rest
     gain, limit, offset = held.drives.T
     delay, unsaid = np.zeros(gears.size), [*_of_gears(robot, "transmission_efficiency" in told)]
+    unsaid += [
+        f"the force sensor at {c.name}, which reports {c.sensor_gain:.3g} times the force"
+        for c in robot.contacts
+        if c.sensor_gain != 1.0
+    ]
     for effect in robot.effects:
         if isinstance(effect, ActuationDelay):
             delay[gears.index(effect.where)] += effect.delay
@@ -129,7 +134,7 @@ def _of_gears(robot: Robot, losses_told: bool) -> Iterator[str]:
 def _in_words(effect: Effect) -> Iterator[str]:
     """Yield what an effect does beside changing the robot's own numbers."""
     acts = effect.acts_by - {"change"}
-    if acts & {"measured", "true", "measured_forces", "true_forces"}:
+    if acts & {"measured", "true"}:
         yield f"{effect.said()}: it belongs to the sensors, so correct what they report"
     elif acts:
         yield effect.said()

@@ -9,7 +9,6 @@ from wbc.robot.description import (
     state_gear as state_gear,
 )
 from wbc.robot.effect import (
-    ContactForces as ContactForces,
     Effect as Effect,
     Evidence as Evidence,
     Hook as Hook,

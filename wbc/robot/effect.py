@@ -141,14 +141,8 @@ Hook = Literal[
     "meshed",
     "measured",
     "true",
-    "measured_forces",
-    "true_forces",
 ]
 """The methods of an effect by which it acts on a robot."""
-
-
-ContactForces = Mapping[str, FloatArray]
-"""Name of a contact -> force of the ground on the robot in world axes, (..., 3) [N]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -563,11 +557,3 @@ class Effect(ABC):
     def true(self, robot: Robot, motion: Motion) -> Motion:
         """Return the true motion behind what the encoders report; the inverse of `measured`."""
         return motion
-
-    def measured_forces(self, robot: Robot, forces: ContactForces) -> ContactForces:
-        """Return what the force sensors report for the true `forces` of contacts, each (..., 3)."""
-        return forces
-
-    def true_forces(self, robot: Robot, forces: ContactForces) -> ContactForces:
-        """Return the true forces behind what their sensors report, each (..., 3) [N]."""
-        return forces

@@ -30,6 +30,7 @@ class ContactPoint(Remade, Ranged):
         offset: (3,) [m] of the point in that frame.
         friction: Coulomb coefficient mu assumed between point and ground.
         radius: [m] of a ball around the point that touches in its stead and rolls; 0 for a point.
+        sensor_gain: reported over true force, of its force sensor.
     """
 
     name: str
@@ -37,6 +38,7 @@ class ContactPoint(Remade, Ranged):
     offset: FloatArray
     friction: float = field(default=0.7, metadata=must(">= 0"))
     radius: float = field(default=0.0, metadata=must(">= 0 and < inf"))
+    sensor_gain: float = field(default=1.0, metadata=must("> 0 and < inf"))
 
     _told, _raised = "contact '{0.name}': ", RobotError
 

@@ -9,7 +9,7 @@ import numpy as np
 from wbc.arrays import FloatArray, Ranged, must
 from wbc.errors import SimulationError
 from wbc.measurement import Log
-from wbc.robot import ContactForces, Motion, Robot
+from wbc.robot import Motion, Robot
 
 _ROTOR = ("rotor_position", "rotor_velocity")
 
@@ -119,21 +119,11 @@ def reported_motion(robot: Robot, recording: Log) -> dict[str, FloatArray]:
 
 
 def reported_forces(robot: Robot, recording: Log) -> dict[str, FloatArray]:
-    """Return the force columns as the sensors of the contacts report them with their effects."""
-    if not any("measured_forces" in effect.acts_by for effect in robot.effects):
-        return {}
-    axes = {
-        name: [f"{name}.force.{axis}" for axis in "xyz" if recording.has(f"{name}.force.{axis}")]
-        for name in recording.contacts
+    """Return the force columns that sensors with a gain of their own report otherwise."""
+    columns = {
+        f"{contact.name}.force.{axis}": contact.sensor_gain
+        for contact in robot.contacts
+        for axis in "xyz"
+        if contact.sensor_gain != 1.0
     }
-    forces: ContactForces = {
-        name: np.stack([recording.column(column) for column in columns], axis=-1)
-        for name, columns in axes.items()
-    }
-    for effect in robot.effects:
-        forces = effect.measured_forces(robot, forces)
-    return {
-        column: forces[name][:, k]
-        for name, columns in axes.items()
-        for k, column in enumerate(columns)
-    }
+    return {name: columns[name] * recording.column(name) for name in columns if recording.has(name)}

@@ -210,7 +210,7 @@ def swing(
         """Return what deflections add beyond their linear part, and the friction there."""
         moved = _moved(robot, record, gears, bent)
         there = {joint: side.at(robot, moved) for joint, side in sides.items()}
-        pushed = contact_torque(robot, moved.position, record.forces_of(robot))
+        pushed = contact_torque(robot, moved.position, record.forces)
         return link_torque(robot, moved) - pushed - load - _torque(links, bent), there
 
     if near is not None:

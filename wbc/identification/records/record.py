@@ -26,7 +26,7 @@ from wbc.identification.records.contacts import ContactBalance
 from wbc.identification.records.filters import Bandwidth, NoiseDensity
 from wbc.links import LinkResponse
 from wbc.measurement import low_pass
-from wbc.robot import ContactForces, Motion, Robot
+from wbc.robot import Motion, Robot
 from wbc.robot.coordinates import output_units as gear_and_base_units
 
 _SMALL = 1e-6
@@ -210,23 +210,15 @@ class Record:
             motion = effect.true(robot, motion)
         return motion
 
-    def forces_of(self, robot: Robot) -> ContactForces:
-        """Return the contact forces (N, 3) that a robot believes behind those measured."""
-        forces: ContactForces = self.forces
-        for effect in reversed(robot.effects):
-            forces = effect.true_forces(robot, forces)
-        return forces
-
     def contacts_of(self, robot: Robot) -> FloatArray:
         """Return J' f (N, nv) of the contact forces that a robot believes."""
-        forces = self.forces_of(robot)
-        if forces is self.forces and robot.contacts is self.robot.contacts:
+        if robot.contacts is self.robot.contacts:
             return self.contacts
         touching = self.robot.with_contacts(robot.contacts)
         places = zip(robot.contacts, self.robot.contacts, strict=True)
         same = all(np.array_equal(one.offset, other.offset) for one, other in places)
         points = self._points if same else None
-        return self._balanced(contact_torque(touching, self.motion.position, forces, points))
+        return self._balanced(contact_torque(touching, self.motion.position, self.forces, points))
 
     def believing(self, robot: Robot) -> Record:
         """Return the same log for another robot with the same joints."""
