@@ -98,22 +98,8 @@ def _effect(entry: Mapping[str, Any], path: Path) -> Effect:
 
 
 def _constants(effect: Effect) -> dict[str, Any]:
-    """Return the fields of an effect that are no parameters of it (a number of teeth, a side).
-
-    Raises:
-        RobotError: a value that no file can hold.
-    """
-    known = {"where", *(parameter.name for parameter in effect.parameters)}
-    if effect.parameters != type(effect).parameters:  # they are made of its fields
-        return {}
-    found = {f.name: getattr(effect, f.name) for f in fields(effect) if f.name not in known}
-    for name, value in found.items():
-        if not isinstance(value, (bool, int, float, str)):
-            raise RobotError(
-                f"{effect.name} at '{effect.where}': '{name}' is a {type(value).__name__}; a file "
-                "holds numbers, texts and true or false only."
-            )
-    return found
+    """Return what an effect holds beside its numbers: fields that are given by their name alone."""
+    return {f.name: getattr(effect, f.name) for f in fields(effect) if f.kw_only}
 
 
 def save_robot(

@@ -118,13 +118,9 @@ def left_for_hooks(robot: Robot) -> tuple[Effect, ...]:
     """
     acting = [e for e in robot.effects if e.acts_by - {"change"} and not _is_tabled(robot, e)]
     groups: dict[object, list[Effect]] = {}
-    for number, effect in enumerate(acting):
-        key = _kind(effect) if _may_join(effect) else number
-        groups.setdefault(key, []).append(effect)
-    found: list[Effect] = []
-    for group in groups.values():
-        found += _joined(robot, group)
-    return tuple(found)
+    for effect in acting:
+        groups.setdefault(_kind(effect), []).append(effect)
+    return tuple(effect for group in groups.values() for effect in _joined(robot, group))
 
 
 def _is_tabled(robot: Robot, effect: Effect) -> bool:
@@ -144,23 +140,17 @@ def _is_tabled(robot: Robot, effect: Effect) -> bool:
 _DRIVES = (TorqueConstant, CurrentLimit)
 
 
-def _kind(effect: Effect) -> tuple[object, ...]:
-    """Return what effects have in common that become one."""
-    own = {"where", *(parameter.name for parameter in effect.parameters)}
-    return type(effect), tuple(item for item in _fields(effect).items() if item[0] not in own)
-
-
-def _fields(effect: Effect) -> dict[str, Any]:
-    return {one.name: getattr(effect, one.name) for one in fields(effect)}
-
-
-def _may_join(effect: Effect) -> bool:
-    """Whether effects like this one may become one, if their hooks take arrays."""
+def _kind(effect: Effect) -> object:
+    """Return what effects have in common that become one, if their hooks take arrays."""
+    numbers = {parameter.name for parameter in effect.parameters}
+    rest = {f.name: getattr(effect, f.name) for f in fields(effect) if f.name not in numbers}
+    del rest["where"]
+    plain = all(isinstance(value, (str, bool, int, float)) for value in rest.values())
     remembers = type(effect).first_memory is not Effect.first_memory
-    if not isinstance(effect, JointEffect) or (remembers and not _is_shipped(effect)):
-        return False
-    plain = all(isinstance(value, (str, bool, int, float)) for value in _fields(effect).values())
-    return plain and effect.parameters is type(effect).parameters
+    alone = not isinstance(effect, JointEffect) or (remembers and not _is_shipped(effect))
+    if alone or not plain or effect.parameters is not type(effect).parameters:
+        return id(effect)
+    return type(effect), tuple(rest.items())
 
 
 def _is_shipped(effect: Effect) -> bool:
