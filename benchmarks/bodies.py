@@ -264,7 +264,7 @@ def quadruped() -> Table:
             q[2] -= plant.gaps(plant.state(q)).min()
         starts[name] = plant.state(q)
         if "lying" in name:
-            starts[name] = plant.run(starts[name], np.zeros(12), 1.5, 1500).state
+            starts[name] = plant.run(starts[name], np.zeros(12), 1.5, 1500)[-1].state
     for name in [name for _ in range(60) for name in plants]:
         state, began = starts[name], perf_counter()
         for _ in range(10):

@@ -61,7 +61,7 @@ def test_a_joint_with_dry_terms_comes_to_rest_and_stays(leg: Robot) -> None:
     formula = {"sign(v_knee)": -2.0, "|gravity_knee| * sign(v_knee)": -1.2}
     plant = Plant(leg.with_effect(CustomTorque.at("knee", formula)), FAR)
     state = plant.state(leg.configuration(hip=0.3, knee=0.8), [0.0, 2.0])
-    state = plant.run(state, np.zeros(2), 0.4, 400).state
+    state = plant.run(state, np.zeros(2), 0.4, 400)[-1].state
     assert abs(state.velocity[1]) < 1e-9
     log = simulate(plant, lambda s: np.zeros(2), state, 0.2).log
     assert np.abs(log.column("knee.position") - state.position[1]).max() < 1e-7

@@ -212,7 +212,7 @@ def test_a_weight_that_is_held_at_rest_runs_once_it_moves(speed: float, holds: b
     robot = LEG.with_effects(*(LoadStribeckFriction(j, SHARE, 0.3) for j in ("hip", "knee")))
     plant, at = Plant(robot, FAR), np.array([0.9, 0.0])
     load = pin.rnea(LEG.model, LEG.model.createData(), at, *np.zeros((2, 2)))
-    state = plant.run(plant.state(at, [speed, 0.0]), 0.8 * load / RATIO, 0.2, 200).state
+    state = plant.run(plant.state(at, [speed, 0.0]), 0.8 * load / RATIO, 0.2, 200)[-1].state
     assert (np.abs(state.velocity).max() < 1e-9) == holds
     assert (np.abs(state.position - at).max() < 1e-9) == holds
 

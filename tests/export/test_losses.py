@@ -156,7 +156,7 @@ def test_a_leg_that_is_let_go_holds_or_falls_as_in_our_plant(step: float) -> Non
     for weight, moves in ((1.0, True), (0.05, False)):
         light = robot.with_gravity([0.0, 0.0, -9.81 * weight])
         plant = Plant(light, terrain=Plane(height=-50.0))
-        state = plant.run(plant.state(start), np.zeros(2), 0.4, 400).state
+        state = plant.run(plant.state(start), np.zeros(2), 0.4, 400)[-1].state
         model = mujoco.MjModel.from_xml_string(export_robot(light, "mujoco").text)
         model.opt.timestep = step
         end, _ = theirs(model, Losses(model, loss_numbers(light)).apply, start, 0.4)

@@ -78,7 +78,7 @@ def thrown(plant: Plant, toss: Toss) -> tuple[np.ndarray, Rotation]:
     state = plant.state(toss.start, toss.velocity)
     seen = [state.position]
     for length in np.diff(toss.time):
-        state = plant.run(state, np.zeros(0), length, STEPS).state
+        state = plant.run(state, np.zeros(0), length, STEPS)[-1].state
         seen.append(state.position)
     path = np.array(seen)
     return path[:, :3], Rotation.from_quat(path[:, 3:7])

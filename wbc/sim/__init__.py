@@ -17,12 +17,12 @@ if TYPE_CHECKING:
         TorqueLag,
         with_wrong_efficiencies,
     )
+    from wbc.sim.energy import EnergyAudit, EnergyFlow
     from wbc.sim.ground import Box, HeightField, Plane, Sphere, Stairs, Terrain, Together
     from wbc.sim.plant import HuntCrossley, Plant
-    from wbc.sim.result import StepEvent, StepResult
+    from wbc.sim.result import Impact, StepEvent, StepResult
     from wbc.sim.sensors import Sensor, SensorModel
     from wbc.sim.simulation import Recorder, Simulation, simulate
-    from wbc.sim.step.stages import EnergyAudit, EnergyFlow, Impact
     from wbc.sim.step.tables import SimState
 
 __all__ = [
@@ -53,7 +53,7 @@ __all__ = [
     "with_wrong_efficiencies",
 ]
 
-_HOMES = "ground", "sensors", "step.tables", "step.stages", "plant", "simulation", "closed_loop"
+_HOMES = "ground", "sensors", "energy", "step.tables", "plant", "simulation", "closed_loop"
 """From light to heavy: a name comes from the first that has it."""
 
 

@@ -15,12 +15,12 @@ from wbc.errors import RobotError, SimulationError
 from wbc.robot import BodySurface, ContactPoint, Robot, body_surfaces
 from wbc.robot.body_contacts import Hull
 from wbc.sim.ground import Plane, Terrain
+from wbc.sim.refusals import check_outside, failure
 from wbc.sim.result import StepResult
 from wbc.sim.setup import Setup
 from wbc.sim.step.arrival import lift
 from wbc.sim.step.course import take_step
 from wbc.sim.step.pairs import FAR
-from wbc.sim.step.stages import Course, check_outside, failure
 from wbc.sim.step.tables import SimState
 
 MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatArray]]
@@ -185,8 +185,7 @@ class Plant(Ranged):
         setup.heard()
         if failed:
             raise failure(setup, failed, torque)
-        course = Course(setup, state, dt, external, stages, setup.acts)
-        return StepResult(course.state(len(stages) - 1), (course,))
+        return StepResult(setup, state, dt, external, stages, setup.acts)
 
     def run(
         self,
@@ -195,13 +194,13 @@ class Plant(Ranged):
         dt: float,
         steps: int,
         external: FloatArray | None = None,
-    ) -> StepResult:
-        """Return what the plant does in `dt` seconds, taken in several steps."""
-        results = []
+    ) -> list[StepResult]:
+        """Return the results of several steps, together `dt` seconds, under a constant command."""
+        results: list[StepResult] = []
         for _ in range(steps):
             results.append(self.step(state, rotor_torque, dt / steps, external))
             state = results[-1].state
-        return results[0] if steps == 1 else StepResult.joined(results)
+        return results
 
     def mechanical_energy(self, state: SimState) -> float:
         """Return the kinetic energy of links and rotors, gravity's and the gear springs' [J]."""

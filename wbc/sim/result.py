@@ -2,22 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from operator import add
+from typing import Any
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.mechanics.kinematics import place
-from wbc.sim.setup import Setup, Survey
-from wbc.sim.step.books import KINETIC, MADE, NORMAL, TAKEN, TRAFFIC
-from wbc.sim.step.stages import Course, EnergyAudit, EnergyFlow, Flow, Impact
-from wbc.sim.step.tables import LENGTH, RETURN_SPEED, TOUCH, SimState
+from wbc.mechanics.newton import WAYS
+from wbc.sim.energy import EnergyAudit, EnergyFlow
+from wbc.sim.setup import EffectActs, Setup, memory_before
+from wbc.sim.step import tables, telling
+from wbc.sim.step.solution import MISSED, USED, WAY
+from wbc.sim.step.tables import LENGTH, RESTITUTION, RETURN_SPEED, TIME, SimState
 
-_ROUNDING = 1e-8  # of the energy in play: laws hold to 1e-10 of the speeds
-_COARSE = 0.01  # share of the energy in play
+_COARSE = "the step is too long: of {play:.3g} J that it moved, {size:.3g} J came from nowhere"
+_TEXTS = {
+    telling.ENERGY: ("energy", "the step made {size:.3g} J ({cause})"),
+    telling.COARSE: ("coarse", f"{_COARSE}; shorten dt"),
+    telling.TAKEN_BACK: ("coarse", f"{_COARSE} and were taken from its speeds; shorten dt"),
+    telling.UNSETTLED: (
+        "unsettled",
+        "laws are missed by {size:.3g} m/s (rad/s): the budget of work ended before friction, "
+        "flanks, soft contacts or coupled rotors met them; a shorter dt may",
+    ),
+    telling.OVERLAP: (
+        "overlap",
+        "{barrier} is {size:.3g} m (rad) inside; it is taken back at {speed:g} m/s (rad/s)",
+    ),
+    telling.SUNK: (
+        "sunk",
+        "joint '{joint}' is {size:.3g} m under the ground: no contact holds its link. Give the "
+        "robot contacts there, or the link collision geometry",
+    ),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +54,7 @@ class StepEvent:
             impulses found so far, or flanks, soft contacts or coupled rotors are not settled.
             "overlap": a barrier was overrun further than one step takes back, see `return_speed`.
             "sunk": a joint of a robot with a free base is under the ground, because its link has
-            no contact there.
+            no contact there. Of ground that only Python knows nothing is said.
         time: [s], at the end of the part it happened in.
         size: [J], depth [m, rad], or speed [m/s, rad/s] by which laws are missed.
         text: the same as a sentence.
@@ -51,40 +71,47 @@ class StepResult:
     """The next state and what led there.
 
     Attributes:
-        state: at the end.
-        courses: of the steps that it stands for, one or several in a row.
+        setup: the plant's.
+        start: the state it started from, with the memory of its effects.
+        duration: of the step [s].
+        external: generalised force (nv,) from outside, None for none.
+        stages: (s + 1, w) the parts and impacts, and the end, see `Opened.stages`.
+        acts: what effects did in each part, by the number of its stage; empty where loops know it.
     """
 
-    state: SimState
-    courses: tuple[Course, ...]
+    setup: Setup
+    start: SimState
+    duration: float
+    external: FloatArray | None
+    stages: FloatArray
+    acts: dict[int, EffectActs]
 
-    @property
-    def duration(self) -> float:
-        """Of the steps together [s]."""
-        return sum(course.duration for course in self.courses)
+    @cached_property
+    def state(self) -> SimState:
+        """At the end."""
+        return self.state_at(len(self.stages) - 1)
+
+    def state_at(self, stage: int) -> SimState:
+        """Return the state in which a stage starts; stage s is the end of the step."""
+        setup, words, memory = self.setup, self.stages[stage], self.start.memory
+        _, q, v, push, bent, spin, _, _ = setup.cuts
+        closed = np.ndarray(setup.barriers.size, np.bool_, words, setup.closed_at)
+        if self.acts:
+            memory = memory_before(self.acts, stage, memory)
+        at, kept = (words[q], words[v], words.item(TIME)), (words[push], words[bent], words[spin])
+        return SimState(*at, closed, *kept, memory)
 
     @property
     def command(self) -> FloatArray:
-        """(m,) [N m] on the rotors that the motors took, within their bounds; a mean of steps."""
-        taken = [course.duration / self.duration * course.command for course in self.courses]
-        return np.asarray(reduce(add, taken))
+        """(m,) [N m] on the rotors that the motors took, within their bounds."""
+        return self.stages[0, self.setup.cuts[-2]]
 
-    @property
-    def start(self) -> SimState:
-        """The state it started from."""
-        return self.courses[0].start
-
-    @property
-    def setup(self) -> Setup:
-        """The plant's."""
-        return self.courses[0].setup
-
-    @property
+    @cached_property
     def parts(self) -> tuple[Flow, ...]:
         """The smooth parts of the step; more than one where something landed in between."""
         return tuple(stage for stage in self._stages if isinstance(stage, Flow))
 
-    @property
+    @cached_property
     def impacts(self) -> tuple[Impact, ...]:
         """Those that happened in the step."""
         return tuple(stage for stage in self._stages if isinstance(stage, Impact))
@@ -92,11 +119,8 @@ class StepResult:
     @cached_property
     def _stages(self) -> list[Flow | Impact]:
         """All parts and impacts in turn."""
-        return [
-            (Flow if length > 0.0 else Impact)(course, stage)
-            for course in self.courses
-            for stage, length in enumerate(course.stages[:-1, LENGTH])
-        ]
+        lengths = enumerate(self.stages[:-1, LENGTH].tolist())
+        return [(Flow if length > 0.0 else Impact)(self, stage) for stage, length in lengths]
 
     @property
     def contact_impulse(self) -> FloatArray:
@@ -133,106 +157,182 @@ class StepResult:
     @property
     def unsettled(self) -> int:
         """How many parts and impacts ended passively, without meeting all laws."""
-        return sum(1 for _ in self._unsettled())
+        return sum(stage.missed > 0.0 for stage in self._stages)
 
     @cached_property
     def energy(self) -> EnergyFlow:
         """Work and losses."""
-        hits = [EnergyFlow(impact_mesh=i.mesh_loss, impact=i.contact_loss) for i in self.impacts]
-        return reduce(add, [*(part.energy for part in self.parts), *hits])
+        flow = EnergyFlow._make(self.stages[-1, self.setup.cuts[-1]].tolist())
+        return reduce(add, [part.in_effects for part in self.parts], flow) if self.acts else flow
 
     @cached_property
     def balance(self) -> EnergyAudit:
         """Work in, energy stored, losses, and what they do not close by."""
-        (before, _, _), (after, _, _) = self._surveys
+        before, after = (self.setup.survey(state)[0] for state in (self.start, self.state))
         return EnergyAudit(self.energy, after - before)
 
     @cached_property
     def events(self) -> tuple[StepEvent, ...]:
         """Energy that the step made, overlaps that are left; empty in a good step."""
-        return (
-            *self._overlaps(),
-            *self._made(),
-            *self._sunk(),
-            *self._unsettled(),
-            *self._coarse(),
-        )
+        told, setup = np.empty((3 * len(self.stages), 4)), self.setup
+        flow = np.array(self.energy if self.acts else ())
+        count = telling.find_events(setup.plant, self.stages, flow, told)
+        setup.heard()
+        return tuple([self._event(*event) for event in told[:count].tolist()])
 
-    def _overlaps(self) -> Iterator[StepEvent]:
-        for part in self.parts:
-            if (depth := float(part.end["depth"].max(initial=0.0))) > 0.0:
-                worst = int(part.end["depth"].argmax())
-                text = (
-                    f"{self.setup.barriers.names[worst]} is {depth:.3g} m (rad) inside; it is "
-                    f"taken back at {self.setup.plant.bounds[RETURN_SPEED]:g} m/s (rad/s)"
-                )
-                yield StepEvent("overlap", part.state.time, depth, text)
+    def _event(self, number: float, stage: float, size: float, what: float) -> StepEvent:
+        """Return an event of `find_events` with its text."""
+        kind, text = _TEXTS[int(number)]
+        setup, at = self.setup, int(what)
+        about: dict[str, Any] = {"play": what, "speed": setup.plant.bounds[RETURN_SPEED]}
+        if kind == "energy":
+            causes = (*EnergyFlow._fields, "normal")
+            about["cause"] = causes[at].replace("_", " ")
+        elif kind == "sunk":
+            about["joint"] = setup.robot.joints[at]
+        elif kind == "overlap":
+            about["barrier"] = setup.barriers.names[at]
+        time = self.stages.item(int(stage) + 1, TIME)
+        return StepEvent(kind, time, size, text.format(size=size, **about))
 
-    def _made(self) -> Iterator[StepEvent]:
-        """Yield parts and impacts of whose losses one is negative beyond rounding."""
-        found = []
-        for part in self.parts:
-            books = part.end["books"].tolist()
-            losses = part.energy.losses | {"normal": -books[NORMAL]}
-            cause = min(losses, key=lambda name: losses[name])
-            play = books[KINETIC] + books[TRAFFIC]
-            found.append((part.state.time, losses[cause], cause.replace("_", " "), play))
-        for hit in self.impacts:
-            found.append((hit.time, hit.mesh_loss, "impact, mesh", hit.kinetic))
-            found.append((hit.time, hit.contact_loss, "impact, contact", hit.kinetic))
-        for time, loss, cause, play in found:
-            if loss < -_ROUNDING * play - 1e-12:
-                text = f"the step made {-loss:.3g} J ({cause})"
-                yield StepEvent("energy", time, -loss, text)
 
-    def _sunk(self) -> Iterator[StepEvent]:
-        """Yield the deepest joint under the ground at the end."""
-        setup, tree, (_, (_, gap, lowest)) = self.setup, self.setup.plant.tree, self._surveys
-        if not len(setup.plant.placed.bases) or not setup.robot.contacts:
-            return
-        if setup.plant.obstacles.asked:  # loops do not know all of the ground
-            poses = np.empty((len(tree.joints), 12))
-            place(tree.joints, tree.shapes, self.state.position, poses)
-            links = (tree.shapes[:, 15] > 0.0).nonzero()[0]  # those with a mass
-            gaps, _ = setup.terrain.gap(poses[links, 9:])
-            gap, lowest = float(gaps.min()), int(links[np.argmin(gaps)])
-        # Contacts may be as deep as a step leaves them.
-        if gap < -TOUCH and gap < -float(self.parts[-1].end["depth"].max(initial=0.0)):
-            text = (
-                f"joint '{setup.robot.joints[lowest]}' is {-gap:.3g} m under the ground: no "
-                "contact holds its link. Give the robot contacts there, or the link collision "
-                "geometry"
-            )
-            yield StepEvent("sunk", self.state.time, -gap, text)
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A part or an impact.
 
-    def _unsettled(self) -> Iterator[StepEvent]:
-        for time, missed in ((stage.state.time, stage.missed) for stage in self._stages):
-            if missed > 0.0:
-                text = (
-                    f"laws are missed by {missed:.3g} m/s (rad/s): the budget of work ended before "
-                    "friction, flanks, soft contacts or coupled rotors met them; a shorter dt may"
-                )
-                yield StepEvent("unsettled", time, missed, text)
+    Attributes:
+        result: of the step.
+        stage: its number in it.
+    """
 
-    def _coarse(self) -> Iterator[StepEvent]:
-        books, flow = [part.end["books"].tolist() for part in self.parts], self.balance.flow
-        play = max(own[KINETIC] for own in books) + abs(flow.work) + flow.lost
-        gain, taken = -self.balance.residual, sum(own[TAKEN] for own in books)
-        if taken > 0.0 or gain > min(_COARSE * play, MADE * play + flow.lost) + 1e-9:
-            gain = max(gain, taken)
-            text = (
-                f"the step is too long: of {play:.3g} J that it moved, {gain:.3g} J came from "
-                f"nowhere{' and were taken from its speeds' if taken > 0.0 else ''}; shorten dt"
-            )
-            yield StepEvent("coarse", self.state.time, gain, text)
+    result: StepResult
+    stage: int
 
     @cached_property
-    def _surveys(self) -> tuple[Survey, Survey]:
-        """Energy that is stored at the start and at the end [J], and deepest bodies."""
-        return self.setup.survey(self.start), self.setup.survey(self.state)
+    def end(self) -> Any:
+        """What `Ending` held at its end, by the names of its fields."""
+        setup = self.result.setup
+        words = self.result.stages[self.stage, len(setup.plant.now.words) :]
+        return np.ndarray((), setup.end_kind, words)
 
-    @staticmethod
-    def joined(results: Sequence[StepResult]) -> StepResult:
-        """Return several steps in a row as one."""
-        courses = tuple(course for result in results for course in result.courses)
-        return StepResult(results[-1].state, courses)
+    @property
+    def contact_impulse(self) -> FloatArray:
+        """(k, 3) [N s] on the robot, world axes."""
+        return np.asarray(self.end["pushes"].reshape(-1, 3))
+
+    @property
+    def missed(self) -> float:
+        """Speed [m/s, rad/s] by which a passive end misses the laws, else zero."""
+        return float(self.end["work"][MISSED])
+
+
+class Flow(Stage):
+    """What happened in one smooth part."""
+
+    @cached_property
+    def start(self) -> SimState:
+        """At its start."""
+        return self.result.state_at(self.stage)
+
+    @cached_property
+    def state(self) -> SimState:
+        """At its end."""
+        return self.result.state_at(self.stage + 1)
+
+    @property
+    def step(self) -> float:
+        """h [s]."""
+        return float(self.result.stages[self.stage, LENGTH])
+
+    @property
+    def iterations(self) -> int:
+        """Linear systems solved."""
+        return int(self.end["work"][USED])
+
+    @property
+    def method(self) -> str:
+        """What found the impulses: "newton", or "proximal".
+
+        "passive" where friction gave way, "ranges" where self-locking gears were held to a range
+        of their laws.
+        """
+        return WAYS[int(self.end["work"][WAY])]
+
+    @property
+    def energy(self) -> EnergyFlow:
+        """Work and losses."""
+        flow = EnergyFlow._make(self.end["books"][: tables.NORMAL].tolist())
+        return flow + self.in_effects if self.result.acts else flow
+
+    @property
+    def in_effects(self) -> EnergyFlow:
+        """Energy of effects that store some of their own (`Effect.memory_energy`).
+
+        Their work is taken out of that of the motors and of other effects.
+        """
+        result, step, end = self.result, self.step, self.end
+        robot, drive, mean = (
+            result.setup.robot,
+            result.setup.drive,
+            0.5 * (end["speed"] + end["after"]),
+        )
+        joint, found, motor = np.array(end["force"]), EnergyFlow(), 0.0
+        _, seen = result.acts.get(self.stage, ((), ()))
+        for effect, motion in zip(result.setup.hooks, seen, strict=True):
+            own = effect.memory_energy(robot, motion)
+            if own is None:
+                continue
+            found += EnergyFlow(reloaded=own.reloaded, bent=own.stored, bristles=own.lost)
+            smooth, rotor = effect.joint_torque(robot, motion), effect.rotor_torque(robot, motion)
+            joint -= 0.0 if smooth is None else smooth
+            if rotor is not None:
+                turned = 0.5 * step * (drive.motion(self.start)[1] + end["motor_speed"])
+                motor += float(rotor @ (drive.gears.gear_ratio * turned))
+        joint -= 0.0 if result.external is None else result.external
+        work = float(step * (joint @ mean)) - end["books"].item(tables.EFFECTS)
+        return found + EnergyFlow(motor=-motor, effects=work)
+
+
+class Impact(Stage):
+    """One impact."""
+
+    @cached_property
+    def state(self) -> SimState:
+        """Just before."""
+        return self.result.state_at(self.stage)
+
+    @property
+    def time(self) -> float:
+        """[s]."""
+        return self.state.time
+
+    @property
+    def before(self) -> FloatArray:
+        """v (nv,) just before."""
+        return self.state.velocity
+
+    @property
+    def after(self) -> FloatArray:
+        """v (nv,) just after."""
+        return np.asarray(self.end["after"])
+
+    @property
+    def restitution(self) -> float:
+        """Normal speed after over before; as much less than the plant's as it would make energy."""
+        most = self.result.setup.plant.bounds[RESTITUTION]
+        return float(self.end["books"][tables.SHARE] * most)
+
+    @property
+    def mesh_loss(self) -> float:
+        """Energy lost in the gears [J]."""
+        return float(self.end["books"][tables.IMPACT_MESH])
+
+    @property
+    def contact_loss(self) -> float:
+        """Energy lost in the contacts [J]."""
+        return float(self.end["books"][tables.IMPACT])
+
+    @property
+    def kinetic(self) -> float:
+        """Energy before [J], of rotors included."""
+        return float(self.end["books"][tables.KINETIC])

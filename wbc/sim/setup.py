@@ -153,7 +153,6 @@ class Setup:
         self.waits = bool(self.hooks) or robot.rotors_turn_with_links
         self._error: BaseException | None = None
         self._answers: list[Any] = []
-        self._taken: list[FloatArray] = []
         self.acts: dict[int, EffectActs] = {}
         words = np.empty(_FIRST_WORDS * robot.model.nv)
         room = words, words.view(np.int64), np.zeros(2, np.int64), self._address(self._take_more)
@@ -172,10 +171,10 @@ class Setup:
             told = told._replace(asked=self._address(self._ask_ground))
         rows = m + nv + size + told.tangents * len(told.touch)
         pushes = 3 * (barriers.points + len(barriers.pairs))
-        end = nq, nv, m, rows, size, nv, m, m, size, pushes, m, 10, 3, nq, nv, size, nv, nv, size, 4
-        now, now_kind = _memory(tables.Now, 3, nq, nv, rows, m, m, m, *[size] * 3)
+        end = nq, nv, m, rows, size, nv, m, m, size, pushes, m, 18, 3, nq, nv, size, nv, nv, size
+        now, now_kind = _memory(tables.Now, 3, nq, nv, rows, m, m, m, 13, *[size] * 3)
         self.closed_at = now_kind.fields["closed"][1]
-        begin = [now_kind.fields[name][1] // 8 for name in now_kind.names[:8]]
+        begin = [now_kind.fields[name][1] // 8 for name in now_kind.names[:9]]
         self.cuts = [*map(slice, begin[:-1], begin[1:])]
         ending, self.end_kind = _memory(tables.Ending, *end, *[size] * 4)
         width = len(now.words) + len(ending.words)
@@ -186,10 +185,10 @@ class Setup:
         bounds[tables.SLOW] = gravity * min(1.0, (1.0 - back) / (2.0 * back) if back > 0.0 else 1.0)
         meshed = any("meshed" in effect.acts_by for effect in self.robot.effects)
         asked = self._address(self._ask_forces) if self.waits else 0
-        full = self._address(self._take_stages)
+        full = self._address(self._take_more_stages)
         limit = self.robot.transmission.torque_limit
         given = -limit, np.array(limit)
-        room = map(np.zeros, (m, m, nv, nv, nv, m if meshed else 0))
+        room = map(np.zeros, (m, m, nv, nv, nv, nv, m if meshed else 0))
         forces = *effect_table(self.robot), *given, *room, asked, full
         return stored(
             tables.Opened(
@@ -237,7 +236,7 @@ class Setup:
 
         Without T of the gears, effects take what they remember of it.
         """
-        (state, external), now, told = self._given, self.plant.now, self.plant.forces
+        state, now, told = self._given, self.plant.now, self.plant.forces
         stage, time = int(now.numbers[tables.STAGE]), now.numbers[tables.TIME] + 0.5 * step
         mesh = None if np.isnan(told.mesh).any() or not len(told.mesh) else told.mesh.copy()
         motion = Motion(q, v, None, np.asarray(time), self.temperature, mesh_torque=mesh)
@@ -254,8 +253,6 @@ class Setup:
             add_torques(self.robot, effect, seen[i], (told.outer, told.dry, told.added))
         self.acts[stage] = tuple(following), tuple(seen)
         told.command[:] = rotor
-        if external is not None:
-            told.outer[:] += external
 
     def _take_more(self) -> None:
         """Give the loops more memory."""
@@ -263,18 +260,14 @@ class Setup:
         heap.exchange("words", words)
         heap.exchange("whole", words.view(np.int64))
 
-    def _take_stages(self) -> None:
-        """Keep stages of a step that has more of them than the loops have room for."""
-        self._taken.append(self.plant.stages.copy())
+    def _take_more_stages(self) -> None:
+        """Give the loops room for more stages of a step."""
+        stages = np.concatenate([self.plant.stages, np.zeros_like(self.plant.stages)])
+        cast(Any, self.plant).exchange("stages", stages)
 
     def stages(self) -> FloatArray:
         """Return the stages (s + 1, w) of the last step, and its end, see `Opened`."""
-        plant, taken = self.plant, self._taken
-        rest = plant.stages[: int(plant.now.numbers[tables.STAGE]) % _STAGES + 1].copy()
-        if not taken:
-            return rest
-        self._taken = []
-        return np.concatenate([*taken, rest])
+        return self.plant.stages[: int(self.plant.now.numbers.item(tables.STAGE)) + 1].copy()
 
     def _address(self, answer: Callable[[], None]) -> int:
         """Return the address of a function that loops may ask."""
@@ -302,12 +295,10 @@ class Setup:
     def begin(self, state: SimState, step: float, external: FloatArray | None) -> None:
         """Tell the loops what acts over a step h [s] that starts in a state; see `Course`."""
         if self.waits:
-            self._given, self.acts = (state, external), {}
+            self._given, self.acts = state, {}
         numbers = self.plant.now.numbers
         numbers[tables.TIME], numbers[tables.LENGTH] = state.time, step
-        self.plant.forces.outer.fill(0.0)
-        if external is not None:
-            self.plant.forces.outer[:] = external
+        self.plant.forces.external[:] = 0.0 if external is None else external
 
     def heard(self) -> None:
         """Raise what the ground, or an effect, raised."""

@@ -15,10 +15,10 @@ from wbc.measurement.schema import FREE_POSE, FREE_VELOCITY
 from wbc.parallel import progress_bar
 from wbc.robot import Robot
 from wbc.robot.model_file import driven_joints
+from wbc.sim.energy import EnergyAudit, EnergyFlow
 from wbc.sim.plant import Plant
-from wbc.sim.result import StepEvent, StepResult
+from wbc.sim.result import Impact, StepEvent, StepResult
 from wbc.sim.setup import Drivetrain
-from wbc.sim.step.stages import EnergyAudit, EnergyFlow, Impact
 from wbc.sim.step.tables import SimState
 
 

@@ -113,7 +113,7 @@ def test_a_ball_in_a_hollow_keeps_its_energy() -> None:
     for dt in (1e-3, 5e-4):
         state = plant.step(start, [], 1e-9).state
         first = plant.mechanical_energy(state)
-        state = plant.run(state, [], 0.3, round(0.3 / dt)).state
+        state = plant.run(state, [], 0.3, round(0.3 / dt))[-1].state
         left.append(abs(plant.mechanical_energy(state) - first))
     assert left[0] < 5e-3
     assert left[1] < 0.6 * left[0], left
@@ -144,7 +144,7 @@ def test_a_point_that_friction_jams_rests_where_it_drifted(seed: int, steps: int
     plant = Plant(robot, Plane(height=lowest - rng.uniform(0.0, 0.05)))
     state = plant.state(q, rng.normal(size=robot.model.nv))
     torque = 5.0 * rng.normal(size=len(ratio)) / np.abs(ratio)
-    state = plant.run(state, torque, 1e-3 * steps, steps).state
+    state = plant.run(state, torque, 1e-3 * steps, steps)[-1].state
     assert plant.gaps(state).min() > -2e-4
 
 
@@ -160,7 +160,7 @@ def test_an_overlap_throws_nothing_up_however_short_the_step_and_is_soon_gone() 
         assert plant.mechanical_energy(after) < plant.mechanical_energy(state) + 1e-4
         # Half a TOUCH in a millisecond turns the knee at 9 mrad/s; without motors it then sinks.
         assert np.abs(after.velocity).max() < 0.01 + 60.0 * dt
-    assert plant.gaps(plant.run(start, [0.0, 0.0], 5e-3, 50).state).min() > -0.01 * TOUCH
+    assert plant.gaps(plant.run(start, [0.0, 0.0], 5e-3, 50)[-1].state).min() > -0.01 * TOUCH
 
 
 def test_a_point_on_its_way_out_of_the_ground_lands_nowhere() -> None:

@@ -100,7 +100,7 @@ def test_a_ball_in_a_groove_that_is_narrower_than_itself_touches_both_sides() ->
     groove = HeightField(_GRID, _GRID, np.repeat(steep[:, None], 41, axis=1))
     plant = solid(coal.Sphere(radius), groove)
     state = plant.state([0.06, 0.01, 0.2, 0.0, 0.0, 0.0, 1.0])
-    state = plant.run(state, [], 1.0, 1000).state
+    state = plant.run(state, [], 1.0, 1000)[-1].state
     assert np.abs(state.velocity).max() < 1e-9
     fine = np.linspace(-0.2, 0.2, 4001)
     z = RectBivariateSpline(_GRID, _GRID, groove.heights, s=0.0)(fine, state.position[1])[:, 0]
@@ -134,6 +134,6 @@ def test_a_flat_field_is_a_plane() -> None:
     q = np.r_[0.0, 0.0, 0.025, 0.0, 0.0, 0.0, 1.0]
     assert np.isinf(plant.pair_gaps(plant.state(q))).all()
     state = plant.state(q, [0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
-    state = plant.run(state, [], 0.2, 200).state
+    state = plant.run(state, [], 0.2, 200)[-1].state
     assert np.abs(state.velocity).max() < 1e-9
     assert state.position[0] == pytest.approx(0.5**2 / (2.0 * 0.7 * 9.81), abs=3e-4)

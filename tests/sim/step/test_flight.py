@@ -35,7 +35,7 @@ def test_a_spinning_body_keeps_its_speed(lever) -> None:
         state = plant.state(robot.neutral(), np.concatenate((linear, spin)))
         center, speed, turn = _motion(robot, state)
         energy = plant.mechanical_energy(state)
-        state = plant.run(state, [], 1.0, steps).state
+        state = plant.run(state, [], 1.0, steps)[-1].state
         after = _motion(robot, state)
         assert np.linalg.norm(after[1]) == pytest.approx(5.0, rel=1e-6)
         assert after[0] == pytest.approx(center + speed, abs=1e-9)

@@ -76,6 +76,6 @@ def test_a_jack_lifts_steadily() -> None:
     plant = Plant(one_joint(pin.JointModelPZ(), body, **gears, backward_efficiency=-0.5))
     weight = 9.81 * mass
     given, state = 1.3 * weight / eta_f, plant.state([0.0])
-    state = plant.run(state, [given / ratio], 0.1, 100).state
+    state = plant.run(state, [given / ratio], 0.1, 100)[-1].state
     rises = 0.1 * (eta_f * given - weight) / (mass + eta_f * ratio**2 * rotor)
     assert state.velocity[0] == pytest.approx(rises, rel=1e-9)

@@ -22,12 +22,23 @@ from wbc.sim.step.contacts import put, solid_gap, touch_ground
 from wbc.sim.step.motion import look, set_momentum
 from wbc.sim.step.part_rows import PartRows, motor_speeds, rotor_energy
 from wbc.sim.step.solution import stored_at
-from wbc.sim.step.tables import HERTZ, Gears, Opened
-
-MOTOR, MESH, ROTOR, GEAR, FRICTION, CONTACT = range(6)
-NORMAL, TRAFFIC, KINETIC, TAKEN = range(6, 10)
-"""Work and losses of a part [J]: see `EnergyFlow`; what one contact or stop made; bounds of what
-moved; and what was taken from speeds that the velocity terms had made."""
+from wbc.sim.step.tables import (
+    CONTACT,
+    EFFECTS,
+    EXTERNAL,
+    FRICTION,
+    GEAR,
+    HERTZ,
+    KINETIC,
+    MESH,
+    MOTOR,
+    NORMAL,
+    ROTOR,
+    TAKEN,
+    TRAFFIC,
+    Gears,
+    Opened,
+)  # fmt: skip
 
 MADE = 5e-5
 """Share of the energy in play that a part may make. The steps of 10 ms in which a leg that falls
@@ -141,7 +152,7 @@ def book_barriers(plant: Opened, rows: PartRows) -> None:
 
 @inner
 def books_of(plant: Opened, rows: PartRows) -> None:
-    """Write work and losses of a part, MOTOR to TAKEN, see `EnergyFlow`.
+    """Write work and losses of a part, see `EnergyFlow`.
 
     Args:
         plant: whose memory stands in the middle, with speeds of motors and impulses of the end.
@@ -158,6 +169,10 @@ def books_of(plant: Opened, rows: PartRows) -> None:
     for c in range(len(speed)):
         square = speed[c] * speed[c] + plant.end.after[c] * plant.end.after[c]
         books[KINETIC] += abs(inertia[c, c]) * square
+        moved = 0.5 * rows.step * (speed[c] + plant.end.after[c])
+        given = plant.forces.external[c]
+        books[EXTERNAL] += given * moved
+        books[EFFECTS] += (plant.end.force[c] - given) * moved
 
 
 @compiled
@@ -234,17 +249,14 @@ def slowed(plant: Opened, fast: Row, share: float, v: OutRow) -> float:
 
 
 @compiled(inside=True)
-def keep_passive(plant: Opened, step: float) -> None:
+def keep_passive(plant: Opened) -> None:
     """Take from v (nv,) at the end of a part what it has made; it stands in books[TAKEN] [J].
 
     Args:
         plant: its memory stands at the end, with the books.
-        step: h [s].
     """
     now, end, books, fast = plant.now, plant.end, plant.end.books, plant.end.velocity
-    work = books[MOTOR]
-    for i in range(len(fast)):
-        work += 0.5 * step * end.force[i] * (end.speed[i] + end.after[i])
+    work = books[MOTOR] + books[EXTERNAL] + books[EFFECTS]
     had, _, _ = survey(plant, now.position, now.velocity, now.deflection, now.motor_speed)
     has = stored_in_end(plant, fast)
     most = had + work + MADE * (books[KINETIC] + abs(work))

@@ -13,16 +13,13 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import Flags, OutRow, OutTable, Row, Vector, ask, compiled, inner
+from wbc.compiled import Flags, OutRow, Row, Vector, ask, compiled, inner
 from wbc.mechanics.kinematics import moved_along
-from wbc.mechanics.linear import copy_to, dot
-from wbc.mechanics.memory import copied_row
-from wbc.mechanics.newton import UNSOLVED, residual
+from wbc.mechanics.linear import add_times, copy_to, dot
+from wbc.mechanics.newton import UNSOLVED
 from wbc.sim.step.contacts import gaps_of
-from wbc.sim.step.impact import HIT, impact_rows, settle
-from wbc.sim.step.part import LANDED, begin, part_with_mesh
-from wbc.sim.step.part_rows import part_system
-from wbc.sim.step.self_locking import tell_ranges
+from wbc.sim.step.impact import HIT, settle
+from wbc.sim.step.part import LANDED, part_with_mesh
 from wbc.sim.step.solution import WAY
 from wbc.sim.step.tables import LENGTH, SLOW, STAGE, TIME, TOUCH, Opened
 
@@ -187,7 +184,7 @@ def begin_step(
     """
     now, forces, good = plant.now, plant.forces, True
     known = len(closed) == len(now.closed)
-    now.impulse[:], now.deflection[:] = 0.0, 0.0
+    now.impulse[:], now.deflection[:], now.flow[:] = 0.0, 0.0, 0.0
     now.numbers[STAGE] = 0.0
     copy_to(q, now.position)
     copy_to(v, now.velocity)
@@ -208,13 +205,14 @@ def begin_step(
 @inner
 def note(plant: Opened, ended: bool) -> None:
     """Write down a part or an impact that has ended, else the end of the step."""
-    now, numbers = plant.now.words, plant.now.numbers
-    place = int(numbers[STAGE]) % len(plant.stages)
-    if place == 0 and numbers[STAGE] > 0.0:
+    now, numbers, flow = plant.now.words, plant.now.numbers, plant.now.flow
+    place = int(numbers[STAGE])
+    if place == len(plant.stages):
         ask(plant.forces.full)
     copy_to(now, plant.stages[place])
     if ended:
         copy_to(plant.end.words, plant.stages[place, len(now) :])
+        add_times(1.0, plant.end.books[: len(flow)], flow)
         numbers[STAGE] += 1.0
 
 
@@ -294,30 +292,3 @@ def take_step(
             failed = meet(plant, step if over else left, keeps and not over)
     note(plant, False)
     return failed
-
-
-@compiled
-def look_again(plant: Opened, in_impact: bool, told: OutTable) -> tuple[int, float, float]:
-    """Say what is known of the rows of a part or an impact that has just failed, without coupling.
-
-    Args:
-        plant: that took it.
-        in_impact: whether it was an impact.
-        told: (s, m) to write, see `tell_ranges`.
-
-    Returns:
-        the number of solutions, how far from its law a row of the nearest to one is, and how far it
-        may be [m/s, rad/s].
-    """
-    if in_impact:
-        rows = impact_rows(plant, plant.end.closed)
-        copy_to(plant.end.aims[: len(rows.targets)], rows.targets)
-        found = plant.end.impulse
-    else:
-        rows = begin(plant, plant.now.numbers[LENGTH])
-        found = copied_row(plant.heap, rows.start)
-        for i in range(len(found)):
-            found[i] = plant.end.impulse[rows.places[i]]
-    system = part_system(plant, rows)
-    off = residual(system, found[: len(rows.start)])
-    return tell_ranges(system, rows.start, told), off, system.tolerance

@@ -24,13 +24,19 @@ from wbc.sim.step.part_rows import (
     world_pushes,
 )
 from wbc.sim.step.solution import NO_INERTIA, WAY, solve_part
-from wbc.sim.step.tables import RESTITUTION, TOUCH, Gears, Opened
+from wbc.sim.step.tables import (
+    IMPACT,
+    IMPACT_MESH,
+    KINETIC,
+    RESTITUTION,
+    SHARE,
+    TOUCH,
+    Gears,
+    Opened,
+)
 
 APART, RESTING, HIT = range(3)
 """Nothing is reached; reached without speed; an impact."""
-MESH, CONTACT, SHARE, ENERGY = range(4)
-"""Numbers of an impact: losses of gears and contacts [J], share of the restitution, and the kinetic
-energy before [J]."""
 _SLOW = 1e-9
 _STOPPED = 1e-9
 _ROUNDING = 1e-9
@@ -142,7 +148,7 @@ def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> 
         back = 0.0 if ahead or now.struck[i] or now.kept[i] else plant.bounds[RESTITUTION]
         opening = -share * back * min(approach, 0.0)
         if back * min(approach, 0.0) < 0.0:
-            end.hit[SHARE] = share
+            end.books[SHARE] = share
         coming = coming or (not before[i] and approach < least - _SLOW)
         end.aims[row] = rows.targets[row] = least + opening
     return coming
@@ -162,7 +168,7 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
         work[WAY] is UNSOLVED or more; found[SHARE] is zero where nothing springs back.
     """
     end, gravity, before, v = plant.end, plant.tree.gravity, plant.now.closed, plant.now.velocity
-    gears, found = plant.gears, end.hit
+    gears, found = plant.gears, end.books
     found[:] = 0.0
     if not reaches(plant, goes_on):
         return APART
@@ -175,7 +181,7 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
         for i in range(len(before)):
             end.closed[i] = before[i] or end.fresh[i]
         return RESTING
-    found[ENERGY] = kinetic_of(plant, v, rows.motor)
+    found[KINETIC] = kinetic_of(plant, v, rows.motor)
     work = 1.0 if found[SHARE] == 0.0 else _SHARE_OF_WORK
     way = solve_part(plant, rows, v, work)
     copy_to(rows.impulse, end.impulse)
@@ -183,8 +189,8 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
         return HIT
     following = copied_row(plant.heap, rows.motor)
     motor_speeds(gears, end.after, rows.motor, following)
-    found[MESH] = mesh_loss(gears, v, end.after, rows.motor, following, rows.impulse)
-    found[CONTACT] = found[ENERGY] - kinetic_of(plant, end.after, following) - found[MESH]
+    found[IMPACT_MESH] = mesh_loss(gears, v, end.after, rows.motor, following, rows.impulse)
+    found[IMPACT] = found[KINETIC] - kinetic_of(plant, end.after, following) - found[IMPACT_MESH]
     world_pushes(plant, rows)
     # What parts so slowly that gravity brings it back within the step stays closed.
     slow = 0.5 * left * np.sqrt(dot(gravity, gravity))
@@ -198,7 +204,7 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
 @inner
 def lost_by(plant: Opened) -> float:
     """Return what an impact loses in its contacts [J]; no number where it has no solution."""
-    return float(plant.end.hit[CONTACT] if plant.end.work[WAY] < UNSOLVED else np.nan)
+    return float(plant.end.books[IMPACT] if plant.end.work[WAY] < UNSOLVED else np.nan)
 
 
 @inner
@@ -223,12 +229,12 @@ def settle(plant: Opened, left: float, goes_on: bool) -> int:
     Returns:
         APART, RESTING or HIT, see `impact_at`.
     """
-    found, high, low = plant.end.hit, 1.0, 0.0
+    found, high, low = plant.end.books, 1.0, 0.0
     if plant.forces.asked != 0:
         ask(plant.forces.asked)
     kind = impact_at(plant, 1.0, left, goes_on)
     lost_high = lost_by(plant)
-    if kind != HIT or found[SHARE] == 0.0 or lost_high >= -_ROUNDING * found[ENERGY]:
+    if kind != HIT or found[SHARE] == 0.0 or lost_high >= -_ROUNDING * found[KINETIC]:
         return kind
     impact_at(plant, 0.0, left, goes_on)
     lost_low = lost_by(plant)
@@ -239,7 +245,7 @@ def settle(plant: Opened, left: float, goes_on: bool) -> int:
             share = min(max(share, low + 0.1 * (high - low)), high - 0.1 * (high - low))
         impact_at(plant, share, left, goes_on)
         lost = lost_by(plant)
-        if lost >= -_ROUNDING * found[ENERGY]:
+        if lost >= -_ROUNDING * found[KINETIC]:
             low, lost_low = share, lost
         else:
             high, lost_high = share, lost

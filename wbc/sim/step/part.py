@@ -137,7 +137,7 @@ def part_of_step(plant: Opened, step: float) -> int:
         if plant.gears.yields[i]:  # motors stay where they are
             end.deflection[i] -= dot(end.moved, plant.gears.rows[i])
     if not 0.5 * step * turns <= TURN:
-        keep_passive(plant, step)
+        keep_passive(plant)
     return hold_or_land(plant, rows.held, pressed)
 
 

@@ -211,6 +211,7 @@ def rows_of(plant: Opened, step: float) -> PartRows:
     dry, row = forces.friction, len(gears.rows)
     fill_joint_torques(forces.joints, forces.numbers, end.before, end.speed, end.force, dry)
     fill_delivered(forces.drives, forces.command, end.torque)
+    add_times(1.0, forces.external, end.force)
     add_times(1.0, forces.outer, end.force)
     add_times(1.0, forces.dry, dry)
     add_times(1.0, forces.added, end.torque)

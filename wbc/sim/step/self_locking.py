@@ -20,12 +20,9 @@ A gear that yields by more than |eta_b| / M has one solution in every step: none
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, OutTable, Places, Row, compiled, inner
+from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, compiled, inner
 from wbc.mechanics.linear import copy_to, dot, factor_inertia, products
 from wbc.mechanics.newton import (
     RANGES,
@@ -49,7 +46,6 @@ _APART = 1e4
 """Of the tolerance, from which on speeds are those of two solutions. With 10 and with 1e6 random
 steps (tests/sim/step), and jacks and legs on light rotors, have the same solutions."""
 _HIGH, _FALL, _LOW = range(3)
-_NAMES = "driving", "driven back", "locked"
 
 
 @inner
@@ -213,49 +209,3 @@ def solve_rows(system: RowSystem, start: Row, work: float, impulse: OutRow) -> t
         if falls(system.laws[i]):
             return solve_by_ranges(system, start, work, impulse)
     return solve_system(system, start, work, impulse)
-
-
-@compiled(inside=True)
-def tell_ranges(system: RowSystem, start: Row, told: OutTable) -> int:
-    """Write the ranges (s, m) of the undecided rows in each solution of a step; return how many.
-
-    Arguments as of `solve_in_ranges`. Other rows get -1; without a solution the first ones are 0.
-    """
-    rows, found = undecided_rows(system), np.empty((len(told), len(start)))
-    told[:] = -1
-    if len(rows) == 0:
-        return 0
-    _, count = solve_in_ranges(system, rows, start, found)
-    for i in rows:
-        told[0, i] = 0
-        for k in range(count):
-            told[k, i] = range_of(system.laws[i], found[k, i])
-    return count
-
-
-def several(told: IntArray, count: int, joints: Sequence[str], yields: FloatArray) -> str:
-    """Return what to say of a step of which self-locking gears leave several solutions, or none.
-
-    Args:
-        told: (s, m) see `tell_ranges`.
-        count: of solutions.
-        joints: names of the m gears.
-        yields: (m,) [kg m^2] below which a gear that gives leaves one solution.
-    """
-    rows = np.flatnonzero(told[0] >= 0).tolist()
-    called = ", ".join(f"'{joints[i]}'" for i in rows)
-    if len(rows) > _MOST:
-        return (
-            f"{len(rows)} self-locking gears ({called}) turn at once against rotors so light that "
-            f"their steps may have several solutions; no more than {_MOST} are tried. Give them "
-            "more rotor inertia or backward efficiencies nearer to zero."
-        )
-    ways = "; ".join(", ".join(_NAMES[k] for k in one[rows]) for one in told[:count])
-    return (
-        f"the step has {f'{count} solutions' if count else 'no solution that could be found'} with "
-        f"the self-locking gears {called}{f' ({ways})' if count else ''}: they turn against rotors "
-        "too light for what their gears lock. Let the gears yield, as real teeth do (`stiffness`): "
-        f"with stiffness dt^2 / 4 + damping dt below {yields[rows].min():.3g} kg m^2 every step "
-        "has one solution. Or give them more rotor inertia, or backward efficiencies nearer to "
-        "zero."
-    )

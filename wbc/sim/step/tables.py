@@ -196,14 +196,15 @@ class Forces(NamedTuple):
         low, high: (m,) memory: bounds of the rotor torques [N m].
         command: (m,) memory: [N m] that reaches these drives.
         added: (m,) memory: [N m] on the rotors, of effects that Python evaluates.
-        outer: (nv,) memory: generalised forces from outside, and of effects that Python evaluates.
+        external: (nv,) memory: generalised forces from outside.
+        outer: (nv,) memory: the same of effects that Python evaluates.
         dry: (nv,) memory: level of dry friction of the latter.
         friction: (nv,) memory: level of all dry friction.
         mesh: (m,) memory: torque [N m] that effects take the gears to carry, no number where it is
             what they remember; empty where no effect asks.
         asked: address of a function of Python that fills command, added, outer and dry in the
             middle, and coupling of gears, also before an impact; else zero.
-        full: address of one that takes `Opened.stages`, which are all used.
+        full: address of one that makes `Opened.stages` longer, which are all used.
     """
 
     joints: Table
@@ -214,6 +215,7 @@ class Forces(NamedTuple):
     high: OutRow
     command: OutRow
     added: OutRow
+    external: OutRow
     outer: OutRow
     dry: OutRow
     friction: OutRow
@@ -221,6 +223,12 @@ class Forces(NamedTuple):
     asked: int
     full: int
 
+
+MOTOR, EXTERNAL, EFFECTS, RELOADED, BENT, MESH, ROTOR, GEAR, FRICTION, BRISTLES = range(10)
+CONTACT, IMPACT_MESH, IMPACT, NORMAL, TRAFFIC, KINETIC, TAKEN, SHARE = range(10, 18)
+"""Work and losses of a part or an impact [J]: see `EnergyFlow`; what one contact or stop made;
+bounds of what moved, for an impact the kinetic energy before; what was taken from speeds that the
+velocity terms had made; and the share of the restitution."""
 
 TIME, LENGTH, STAGE = range(3)
 """Numbers of `Now`, its first words: [s]; how long the part takes that begins there [s], zero where
@@ -237,6 +245,7 @@ class Now(NamedTuple):
         impulse: of the rows of the last part, in the layout of `Ending.impulse`.
         deflection, motor_speed: (m,) of the motor outputs [rad], [rad/s].
         command: (m,) [N m] on the rotors over the step, within their bounds.
+        flow: (13,) work and losses of the step so far [J], MOTOR to IMPACT.
         closed: (2 j + c,) barriers that hold.
         kept, struck: (2 j + c,) barriers that may close within the next part, and those that were
             reached in the step.
@@ -250,6 +259,7 @@ class Now(NamedTuple):
     deflection: OutRow
     motor_speed: OutRow
     command: OutRow
+    flow: OutRow
     closed: OutFlags
     kept: OutFlags
     struck: OutFlags
@@ -273,14 +283,13 @@ class Ending(NamedTuple):
         pushes: * (3 (k + p),) impulses [N s] on contact points, and on the first hull of each
             pair, world axes.
         deflection: (m,) [rad] of the motor outputs ahead of the joints.
-        books: (10,) work and losses [J], MOTOR to TAKEN of `books`.
+        books: * (18,) work and losses [J], MOTOR to SHARE.
         work: * (3,) USED to MISSED of `solution`.
         before, speed: q (nq,), v (nv,) in the middle, before forces and impulses.
         rate: (2 j + c,) at which closed contacts opened at the start.
         force: (nv,) generalised forces in the middle, of effects and from outside.
         moved: (nv,) shift out of overlaps.
         aims: * speeds at which the barriers of an impact are to part, in their order.
-        hit: * (4,) numbers MESH to ENERGY of `impact`.
         closed: * (2 j + c,) barriers that hold or take part; afterwards those that stay closed.
         kept, jumps: (2 j + c,) barriers that may close within the part, and those that are to be
             kept from its end on: they land slowly, or their gap jumps.
@@ -307,7 +316,6 @@ class Ending(NamedTuple):
     force: OutRow
     moved: OutRow
     aims: OutRow
-    hit: OutRow
     closed: OutFlags
     kept: OutFlags
     jumps: OutFlags
@@ -322,8 +330,7 @@ class Opened(NamedTuple):
     Attributes:
         tree, obstacles, gears, placed, bodies, forces, now, end: see there.
         stages: (s, w) memory: the words of `now` at the start of parts and impacts, and behind them
-            those of `end` at their end; last of all those of `now` at the end of the step. Those
-            that find no room begin anew, once Python has taken all before.
+            those of `end` at their end; last of all those of `now` at the end of the step.
         bounds: (5,) at RETURN_SPEED: at which an overlap is taken back at most; HERTZ, DISSIPATION:
             K and a of compliant contacts, K = 0 for rigid ones; SLOW: way of a slow landing per
             square of the step, see `course`; RESTITUTION.
