@@ -244,7 +244,7 @@ class Transmission(Remade):
         return Flanks(*(float(number[k]) for number in numbers))
 
     def lossless(self) -> Transmission:
-        """Return the same gears with eta_f = eta_b = 1 and frictionless rotors."""
+        """Return the same gears with eta_f = eta_b = 1 at any speed and frictionless rotors."""
         kept = dict.fromkeys(("forward_efficiency", "backward_efficiency"), np.ones(self.size))
         lost = ("rotor_coulomb_friction", "rotor_viscous_friction", "slow_loss")
         return self.replace(**kept, **dict.fromkeys(lost, np.zeros(self.size)))
