@@ -1,4 +1,4 @@
-"""From files as published to a verdict in five commands: what a new user sees and waits for.
+"""From files as published to a verdict in four commands: what a new user sees and waits for.
 
 Four recorded robots. Of two of them there is a model and files with the columns of others; the
 other two have a description. Every command is printed with its exit code, its time and the sentence
@@ -54,7 +54,7 @@ GAINS = (("20.0", "17.8"), ("0.5", "0.0"))
 
 
 def commands(name: str, data: Path) -> list[list[str]]:
-    """Return the five commands of a robot; files are written where they run."""
+    """Return the four commands of a robot; files are written where they run."""
     model, columns, paths = CASES[name]
     logs = ["+".join(str(data / part) for part in path.split("+")) for path in paths]
     described = model.endswith(".toml")
@@ -64,13 +64,13 @@ def commands(name: str, data: Path) -> list[list[str]]:
     first = [] if described else [["init", str(data / model), *logs]]
     last = [["compare", *("fitted.toml" if word == robot else word for word in read)]]
     middle = [["check", *read], ["compare", *read], ["diagnose", *read, "--save", "fitted.toml"]]
-    return [["look", *logs], *first, *middle, *(last if described else [])]
+    return [*first, *middle, *(last if described else [])]
 
 
 def run(words: Sequence[str], folder: str) -> dict[str, object]:
     """Return exit code, times [s] and first sentence of a command."""
     start, used = perf_counter(), getrusage(RUSAGE_CHILDREN).ru_utime
-    brief = [] if words[0] in ("look", "init") else ["--quiet"]
+    brief = [] if words[0] == "init" else ["--quiet"]
     done = subprocess.run(
         [sys.executable, "-m", "wbc", *words, *brief],
         cwd=folder,

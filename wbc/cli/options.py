@@ -77,7 +77,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     # init
     "--base": _choice("how the base of a model file is held", "fixed", "free_flyer"),
     "--rate/log": _number("HZ", "rows per second of logs without a clock"),
-    "--html/look": _option("FILE.html", "the page (default look.html)", default="look.html"),
     # pictures
     "--ghost": _option("FITTED", "a model to show beside the measurement"),
     "--html": _option("FILE.html", "write the page"),
@@ -146,12 +145,6 @@ Writes robot.toml (for a model file) and columns.toml. What is guessed is marked
 as a guess, with the reason: correct it, then run wbc check.""",
         "prepare",
     ),
-    "look": Subcommand(
-        "every column of files over time: look before you map",
-        "logs/plain --columns --html/look",
-        "example: wbc look run*.csv --html look.html",
-        "look",
-    ),
     "check": Subcommand(
         "what logs are good for, and which columns are wrong",
         f"{_LOGS} --json",
@@ -197,7 +190,7 @@ It says how large each number is; wbc diagnose says which are needed.""",
         """example: wbc play run.csv --robot planar_leg --ghost fitted.toml --html a.html
 
 Without --html the page opens in the browser.""",
-        "look",
+        "play",
     ),
     "metrics": Subcommand(
         "inertia, force capability, impacts and holding of a contact",
