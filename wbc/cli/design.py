@@ -62,7 +62,7 @@ def run_design(options: Options, console: Console) -> Outcome:
 
 def _study(options: Options) -> design.Study:
     robot = load_robot(options.robot)
-    known = design.read_gearboxes(options.catalogue)
+    known = design.read_gearboxes()
     return design.Study(
         robot=options.robot,
         parameters=tuple(design.parse_sweep(text) for text in options.sweep),

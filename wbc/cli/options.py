@@ -94,7 +94,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "NAME=LOW:HIGH[:COUNT[:log]]", "what varies, or NAME=V,V,...; give it once per parameter"
     ),
     "--gearbox": _option("NAME,...|all", "gearboxes of the catalogue (`wbc list gearboxes`)"),
-    "--catalogue": _option("FILE.csv", "another catalogue of gearboxes"),
     "--seed": _number(None, "of the search (default 0)", 0),
     "--objective": _several(
         "COLUMN:max|min",
@@ -200,9 +199,7 @@ Without --html the page opens in the browser.""",
     ),
     "design": Subcommand(
         "sweep gears and pose: maps and the best compromises",
-        "robot --sweep --gearbox --catalogue"
-        f" {_SITE} --objective --out/designs --figures"
-        " --theme --json",
+        f"robot --sweep --gearbox {_SITE} --objective --out/designs --figures --theme --json",
         """parameters: reduction, forward_efficiency, backward_efficiency, rotor_inertia,
 rotor_friction, torque_limit, joint.JOINT;
 a gear parameter takes .JOINT for one gear alone.
