@@ -14,7 +14,7 @@ from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.search import Search
 from wbc.identification.choice.trials import OutOfTime, Trials
-from wbc.identification.model.estimation_problem import DISTORTED, ONLY_NOISE, EstimationProblem
+from wbc.identification.model.estimation_problem import ONLY_NOISE, EstimationProblem
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.preparation import REVERSAL
 from wbc.robot import Effect
@@ -106,19 +106,12 @@ def _with_yielding_gears(
     trials = direct.proposer.trials
     first = trials.nothing
     rough = ONLY_NOISE + _SIMULATED**2 * first.error
-    fine = ONLY_NOISE + DISTORTED**2 * first.error
-
-    def explained(h: Hypothesis) -> bool:
-        # Repeats show a floor that a link which bounces is not simulated down to.
-        floor = fine if trials.problem.floor.repeats and not h.bounces else rough
-        return h.error < floor
-
     one, weak = len(known.effects) < 2, first.error < _WEAK
     ends: list[Hypothesis] = []
     early = next((h for h in direct.path if len(h.effects) == 1), None)
     for origin in dict.fromkeys((first, known, early or first)):
         best = min([known, *ends], key=lambda h: h.error)
-        if explained(best) and (origin is not first or (one and not weak)):
+        if best.error < rough and (origin is not first or (one and not weak)):
             break
         swung = _swung(direct, gears, origin, rough, best)
         if swung is not origin:

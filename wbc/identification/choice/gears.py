@@ -14,7 +14,7 @@ from wbc.identification.choice.evidence import LEAST_ASKED, Offer
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.residual import IMPOSSIBLE, evaluate, link_response, rubbing_responses
+from wbc.identification.model.residual import IMPOSSIBLE, evaluate, link_response, rubbing_response
 from wbc.identification.model.yielding import deflects, plays
 from wbc.identification.records.record import Record, by_log
 from wbc.links import LinkResponse, deflections
@@ -237,8 +237,8 @@ def _by_side(robot: Robot, joint: str, record: Record) -> dict[Side, LinkRespons
     It is that of a link without friction where it rubs at the motor.
     """
     plain = link_response(robot, record, joint)
-    rubbing = rubbing_responses(robot, [record], joint)
-    return {"motor": plain, "link": rubbing[0]} if rubbing else {"either": plain}
+    rubbing = rubbing_response(robot, record, joint)
+    return {"either": plain} if rubbing is None else {"motor": plain, "link": rubbing}
 
 
 def _loudest(problem: EstimationProblem) -> tuple[Record, slice]:

@@ -173,25 +173,19 @@ def link_response(robot: Robot, record: Record, joint: str) -> LinkResponse:
     return replace(response, load=links - contacts, unexplained=left[:, response.row])
 
 
-def rubbing_responses(
-    robot: Robot, records: Sequence[Record], joint: str
-) -> tuple[LinkResponse, ...]:
-    """Return the responses of a link at which the friction of `robot` rubs.
+def rubbing_response(robot: Robot, record: Record, joint: str) -> LinkResponse | None:
+    """Return the response of a link at which the friction of `robot` rubs.
 
     None where there is no friction, or where a gear that yields already has it on its side.
     """
-    if any(deflects(effect) and effect.where == joint for effect in robot.effects):
-        return ()
-    sides = [LinkSide.of(robot, joint, record.motion) for record in records]
-    responses = []
-    for record, side in zip(records, sides, strict=True):
-        if side is None:
-            return ()
-        response = link_response(robot, record, joint)
-        load = np.array(response.load)
-        load[:, side.row] += side.motor.smooth
-        responses.append(side.on(replace(response, load=load)))
-    return tuple(responses)
+    gears = [effect for effect in robot.effects if deflects(effect) and effect.where == joint]
+    side = None if gears else LinkSide.of(robot, joint, record.motion)
+    if side is None:
+        return None
+    response = link_response(robot, record, joint)
+    load = np.array(response.load)
+    load[:, side.row] += side.motor.smooth
+    return side.on(replace(response, load=load))
 
 
 def _swinging(
