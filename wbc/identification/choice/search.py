@@ -17,7 +17,6 @@ _ADDED = 6  # offers that are fitted for one addition
 _PAIRS = 6  # ... of two causes
 _SWAPPED = 5  # ... that are looked at in the place of one cause
 _MOST_MOVES = 60
-_AGAIN = 0.9  # of its error, that causes tried again with other numbers must leave at most
 _MASKS = 2  # times that what explains most and is not believed is put aside
 # Hypotheses in a row that may hold a wrong drawing and a name that is not believed, be it the
 # drawing or one beside it: the move after it can still confirm or remove it. The ten numbers per
@@ -90,8 +89,7 @@ class Search:
             if better is None:
                 break
             self._tell(current, better)
-            before = been.get(frozenset(better.keys))
-            if before is not None and better.error > _AGAIN * before.error:
+            if frozenset(better.keys) in been:
                 return self.proposer.trials.best_of(list(been.values()))
             shorter = len(better.effects) < len(current.effects)
             current = better
