@@ -265,8 +265,10 @@ def test_joints_that_are_held_while_another_moves_accuse_nobody(trembling: float
         assert explained > 0.8
 
 
-def test_a_torque_that_is_late_in_one_joint_alone_is_measured(arm: Arm) -> None:
-    (robot, logs), constant, name = arm, 0.05, "elbow.motor_torque"
+@pytest.mark.parametrize("constant", [0.02, 0.05])
+def test_a_torque_that_is_late_in_one_joint_alone_is_measured(constant: float, arm: Arm) -> None:
+    robot, logs = arm
+    name = "elbow.motor_torque"
     (finding,) = find_suspicions([delayed(log, constant, name) for log in logs], robot)[0]
     assert (finding.kind, finding.severity) == ("torque_late", "warning")
     assert list(finding.likeliest["columns"]) == [name]

@@ -24,9 +24,7 @@ from wbc.robot.coordinates import slides
 
 _SOMEWHERE = ln(0.01)
 _RARE = ln(0.003)
-LAGS = (0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.15)
-"""Of torques behind the motion [s], one digit each; joints and logs differ in the next."""
-_USUAL_LAG = 0.03  # [s] of a bus or a filter, half a period of the motion is none: a judgement
+Lag: TypeAlias = tuple[Sequence[int], float]
 Zero: TypeAlias = tuple[int, float, float]
 
 # How far turning joints travel in a log [rad]: 32 joints of seven recorded robots have a median of
@@ -61,7 +59,7 @@ class Reading:
 
 
 def readings(
-    rows: LogRows, lost: BoolArray, doubtful: bool, zeros: Sequence[Zero]
+    rows: LogRows, lost: BoolArray, doubtful: bool, lags: Sequence[Lag], zeros: Sequence[Zero]
 ) -> Iterator[Reading]:
     """Yield the log as it stands, and then every mistake with the reading that undoes it.
 
@@ -71,6 +69,7 @@ def readings(
             theirs may be exchanged.
         doubtful: whether any report leaves more than physics usually does; only then gravity
             is asked about.
+        lags: joints, by number, whose torques share a lag [s].
         zeros: single joints, by number, what may have to be added to their positions [rad], and
             the log prior of it.
     """
@@ -79,6 +78,7 @@ def readings(
     yield from _units(rows)
     yield from _sides(rows)
     yield from _exchanges(rows, lost)
+    yield from _late(rows, lags)
     yield from _zeros(rows, zeros)
     if doubtful and rows.weighs:
         text = f"{_holds(rows.torques)} no gravity: the driver takes it out"
@@ -180,22 +180,16 @@ def _exchanges(rows: LogRows, lost: BoolArray) -> Iterator[Reading]:
             yield _mended("exchanged", text, _RARE, columns, exchanged=(a, b))
 
 
-def delays(rows: LogRows, doubtful: bool) -> Iterator[list[Reading]]:
-    """Yield torques that are late by each of `LAGS`: of all joints and, in doubt, of each one.
-
-    A low-pass is a delay for what is slower than it.
-    """
-    for names in _all_or_one(rows.torques)[: None if doubtful else 1]:
-        lags = "lags" if len(names) == 1 else "lag"
-        yield [
-            _mended(
-                "torque_late",
-                f"{listed(names)} {lags} by {1e3 * lag:.0f} ms: a delay, or a low-pass as long",
-                _SOMEWHERE - lag / _USUAL_LAG,
-                {name: {"lag": lag} for name in names},
-            )
-            for lag in LAGS
-        ]
+def _late(rows: LogRows, lags: Sequence[Lag]) -> Iterator[Reading]:
+    """Yield torques that are late. A low-pass is a delay for what is slower than it."""
+    for joints, lag in lags:
+        lag = float(f"{lag:.1g}")  # joints and logs differ in the next digit
+        late = [rows.torques[k] for k in joints]
+        text = (
+            f"{listed(late)} {'lags' if len(late) == 1 else 'lag'} by {1e3 * lag:.0f} ms: "
+            "a delay, or a low-pass as long"
+        )
+        yield _mended("torque_late", text, _SOMEWHERE, {name: {"lag": lag} for name in late})
 
 
 def _zeros(rows: LogRows, zeros: Sequence[Zero]) -> Iterator[Reading]:

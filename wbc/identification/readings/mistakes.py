@@ -22,8 +22,9 @@ from wbc.identification.readings.evidence import (
     foreign,
     other_zeros,
     ratio_evidence,
+    shared_lags,
 )
-from wbc.identification.readings.kinds import Reading, delays, readings
+from wbc.identification.readings.kinds import Reading, readings
 from wbc.identification.readings.log_rows import rows_of
 from wbc.measurement.checks import find_repeats, resting_joints
 from wbc.measurement.column_map import say_so, together
@@ -251,7 +252,7 @@ def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[Found]:
             return found
         likeliest = _likeliest(robot, judged)
         if likeliest is None:
-            return found or _foreign(robot, judged) or _other_scale(robot, judged)
+            return found or _late(judged) or _foreign(robot, judged) or _other_scale(robot, judged)
         found.append(likeliest)
         mistake, having = likeliest
         if mistake.probability < CERTAIN or not mistake.mend:
@@ -271,6 +272,7 @@ def _tables(robot: Robot, logs: Sequence[Log]) -> _Tables:
     if not known:
         return {}
     alike = {k: len(group) for group in find_repeats(logs) for k in group}
+    lags = shared_lags(list(known.values()), max(logs[k].sample_time for k in known))
     benches = {k: Bench(rows, 1.0 / alike.get(k, 1)) for k, rows in known.items()}
     least = 0.0 if robot.transmission.size <= _PAIRS else _RARELY_LEFT
     # A mistake of all logs must be read in all of them: what one log shows is asked of the others.
@@ -281,23 +283,13 @@ def _tables(robot: Robot, logs: Sequence[Log]) -> _Tables:
     offsets = {
         k: [(i, by, prior) for i, by, prior, of in zeros if n in of] for n, k in enumerate(known)
     }
-    judged = {
+    return {
         k: {
             reading.text: bench.judged(reading)
-            for reading in readings(known[k], lost, doubtful, offsets[k])
+            for reading in readings(known[k], lost, doubtful, lags, offsets[k])
         }
         for k, bench in benches.items()
     }
-    # Delays that are near one another explain nearly the same: the best of them stands for all.
-    for alike_delays in delays(next(iter(known.values())), doubtful):
-        told = [{k: own.judged(one) for k, own in benches.items()} for one in alike_delays]
-        weights = [
-            evidence([read.reports for read in one.values()]) + delay.prior
-            for one, delay in zip(told, alike_delays, strict=True)
-        ]
-        for k, read in told[int(np.argmax(weights))].items():
-            judged[k][read.reading.text] = read
-    return judged
 
 
 def _likeliest(robot: Robot, judged: _Tables) -> Found | None:
@@ -436,6 +428,13 @@ def _other_scale(robot: Robot, judged: _Tables) -> list[Found]:
     which = ", ".join(names[k] for k in joints)
     text = f"torques of {which} are {factor:.2g} times what the links need."
     return [(LogFinding("warning", "torque_scale", "", text, _SCALE, {}, 0.5), tuple(judged))]
+
+
+def _late(judged: _Tables) -> list[Found]:
+    """Return the lags of torques that explain too little to be certain."""
+    table = next(iter(judged.values()))
+    late = [text for text in table if table[text].reading.kind == "torque_late"]
+    return [_told([text], judged, POSSIBLE, len(judged)) for text in late]
 
 
 def _foreign(robot: Robot, judged: _Tables) -> list[Found]:
