@@ -6,21 +6,9 @@ linear and angular about the tree's centre of mass, world axes.
 
 from __future__ import annotations
 
-from wbc.compiled import (
-    Dense,
-    OutDense,
-    OutRow,
-    Places,
-    Row,
-    Table,
-    Vector,
-    compiled,
-    inner,
-    local,
-    view,
-)
+from wbc.compiled import Dense, OutDense, OutRow, Places, Row, Table, Vector, compiled, inner, local
 from wbc.mechanics.kinematics import FIRST, JOINT, ROWS, Tree
-from wbc.mechanics.linear import add_cross, add_times, copy_to, dot, factor_inertia, solve_inertia
+from wbc.mechanics.linear import add_cross, add_times, copy_to, dot
 
 
 @inner
@@ -199,11 +187,36 @@ def momentum_at(
 
 
 @inner
-def _solve(block: Dense, rows: OutRow) -> None:
-    """Solve H_bb x = rows in place; the lower half of H_bb (b, b) is read."""
-    lower = view(local(36), 0, len(rows), len(rows))
-    factor_inertia(block, lower)
-    solve_inertia(lower, rows)
+def _moves(columns: Dense, body: Row, base: Places, momentum: Row, rows: OutRow) -> None:
+    """Write the base's rows (b,) with which a body (10,) has a momentum (6,) about its point.
+
+    With the mass m, the centre of mass c and the inertia I_c about it, that is v_c = p / m and
+    I_c w = L - c x p. A planar base has the parts of it in x-z alone.
+    """
+    m, x, y, z = body[0], body[1] / body[0], body[2] / body[0], body[3] / body[0]
+    p, turn, way, first, size = momentum[:3], local(3), local(3), base[FIRST], base[ROWS]
+    copy_to(momentum[3:], turn)
+    add_cross(-1.0 / m, body[1:4], p, turn)
+    yy = body[7] - m * (x * x + z * z)
+    if size == 3:
+        turn[0], turn[1], turn[2], straight = 0.0, turn[1] / yy, 0.0, 2
+    else:
+        xx, xy, xz = body[4] - m * (y * y + z * z), body[5] + m * x * y, body[6] + m * x * z
+        yz, zz = body[8] + m * y * z, body[9] - m * (x * x + y * y)
+        one, two, straight = xy / xx, xz / xx, 3
+        yy, yz, left = yy - one * xy, yz - one * xz, turn[1] - one * turn[0]
+        turn[2] -= two * turn[0] + yz / yy * left
+        turn[2] /= zz - two * xz - yz / yy * yz
+        turn[1] = (left - yz * turn[2]) / yy
+        turn[0] = turn[0] / xx - one * turn[1] - two * turn[2]
+    for k in range(3):
+        way[k] = p[k] / m
+    add_cross(-1.0 / m, turn, body[1:4], way)
+    for i in range(straight, size):
+        rows[i] = dot(columns[first + i, 3:], turn)
+        add_times(-rows[i], columns[first + i, :3], way)
+    for i in range(straight):
+        rows[i] = dot(columns[first + i, :3], way)
 
 
 @inner
@@ -219,27 +232,26 @@ def velocity_at(
         velocity: whose other rows are read.
     """
     root, first, size = base[JOINT], base[FIRST], base[ROWS]
-    left, own, block = local(6), local(6), view(local(36), 0, size, size)
-    rows = velocity[first : first + size]
+    left, own = local(6), local(6)
     copy_to(momentum, left)
     _to_point(composite[root], 1.0, left)
     for row in range(len(velocity)):
         joint = tree.rows[row, 0]
-        if tree.joints[joint, 4] == root:
+        if tree.joints[joint, 4] == root and not first <= row < first + size:
             momentum_of(composite[joint], columns[row], own)
-            if first <= row < first + size:
-                for i in range(size):
-                    block[row - first, i] = dot(own, columns[first + i])
-            else:
-                add_times(-velocity[row], own, left)
-    for i in range(size):
-        rows[i] = dot(columns[first + i], left)
-    _solve(block, rows)
+            add_times(-velocity[row], own, left)
+    _moves(columns, composite[root], base, left, velocity[first:])
 
 
 @inner
 def part_on_joints(
-    tree: Tree, columns: Dense, composite: Dense, base: Places, inertia: Dense, bias: OutRow
+    tree: Tree,
+    columns: Dense,
+    composite: Dense,
+    base: Places,
+    inertia: Dense,
+    force: Row,
+    bias: OutRow,
 ) -> None:
     """Take out of the bias (nv,) what the momentum of a free base accounts for, in place.
 
@@ -250,19 +262,19 @@ def part_on_joints(
     Args:
         tree, columns, composite, base: see `velocity_at`.
         inertia: H (nv, nv).
+        force: (6,) of all bodies of the tree, see `move_bodies`.
         bias: (nv,), changed.
     """
     first, size, whole = base[FIRST], base[ROWS], composite[base[JOINT]]
-    weight, rows, block = local(6), local(6)[:size], view(local(36), 0, size, size)
+    weight, rest, rows = local(6), local(6), local(6)
     weight[:] = 0.0
     add_times(-whole[0], tree.gravity, weight)
     _to_point(whole, 1.0, weight)
     for i in range(size):
-        held = dot(columns[first + i], weight)
-        rows[i], bias[first + i] = bias[first + i] - held, held
-        for k in range(size):
-            block[i, k] = inertia[first + i, first + k]
-    _solve(block, rows)
+        bias[first + i] = dot(columns[first + i], weight)
+    copy_to(force, rest)
+    add_times(-1.0, weight, rest)
+    _moves(columns, whole, base, rest, rows)
     for j in range(len(bias)):
         if j < first or j >= first + size:
             for i in range(size):

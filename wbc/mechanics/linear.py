@@ -134,15 +134,14 @@ def solve_factored(matrix: Dense, pivots: Places, right: OutRow) -> None:
 
 @compiled(counted=False)
 def factor_inertia(inertia: Dense, lower: OutDense) -> bool:
-    """Write L, lower triangular, with L' L = inertia (n, n); False where that is not positive.
+    """Write L, the lower half, with L' L = inertia (n, n); False where that is not positive.
 
     From the leaves to the root, where the zeros between branches of a tree stay zeros
     (Featherstone).
     """
     size = len(inertia)
     for i in range(size):
-        for j in range(size):
-            lower[i, j] = inertia[i, j] if j <= i else 0.0
+        copy_to(inertia[i, : i + 1], lower[i])
     for k in range(size - 1, -1, -1):
         if not lower[k, k] > 0.0:
             return False

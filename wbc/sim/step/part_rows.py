@@ -17,6 +17,7 @@ import numpy as np
 from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, Row, inner
 from wbc.effects.tables import fill_delivered, fill_joint_torques, near_rest
 from wbc.mechanics.inertia import move_bodies, part_on_joints
+from wbc.mechanics.kinematics import JOINT
 from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, solve_inertia
 from wbc.mechanics.memory import copied_row, reserve, row_of, table_of, whole_of, zeros_of
 from wbc.mechanics.rows import RowSystem, system_of
@@ -144,7 +145,8 @@ def free_velocity(plant: Opened, rows: PartRows) -> None:
         tree.joints, tree.gravity, columns, placed.bodies, speed, motion, drift, force, bias
     )
     for i in range(len(bases)):
-        part_on_joints(tree, columns, placed.composite, bases[i], placed.inertia, bias)
+        own = force[bases[i, JOINT]]
+        part_on_joints(tree, columns, placed.composite, bases[i], placed.inertia, own, bias)
     for i in range(len(free)):
         free[i] = rows.step * (plant.end.force[i] - bias[i])
     solve_inertia(rows.lower, free)
