@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutRow, Row, inner
+from wbc.compiled import Dense, OutRow, Row, inner
 from wbc.mechanics.linear import (
     add_all,
     add_times,
@@ -79,25 +79,28 @@ def normal_row(system: RowSystem, row: int) -> int:
 
 
 @inner
-def stiffened(system: RowSystem, rise: Dense, whole: bool, line: OutRow, total: OutDense) -> None:
-    """Write 1 + ways' R ways (n, n), of the rises (r, 3); its lower half, or the whole."""
+def stiffened(system: RowSystem, whole: bool, room: Room) -> None:
+    """Write 1 + ways' R ways (n, n) to where factors go; its lower half, or the whole."""
     d, contacts, (size, n) = system.tangents, len(system.frictions), system.ways.shape
-    first, ways = size - contacts * (1 + d), system.ways
+    first, ways, rise, line = size - contacts * (1 + d), system.ways, room.rise, room.line
+    total = room.lower
     total[:] = 0.0
     for j in range(n):
         total[j, j] = 1.0
     for i in range(size):
-        at = normal_row(system, i)
-        copy_to(ways[at], line)
+        at, own = normal_row(system, i), ways[i]
+        if rise[i, 0] == rise[i, 1] == rise[i, 2] == 0.0:
+            continue
         for k in range(n):
-            line[k] *= rise[i, 0]
+            line[k] = rise[i, 0] * ways[at, k]
         for b in range(d if at >= first else 0):
             if rise[i, 1 + b] != 0.0:
                 add_times(rise[i, 1 + b], ways[first + contacts + (at - first) * d + b], line)
         for j in range(n):
-            if ways[i, j] != 0.0:
-                end = n if whole else j + 1
-                add_times(ways[i, j], line[:end], total[j])
+            share = own[j]
+            if share != 0.0:
+                for k in range(n if whole else j + 1):
+                    total[j, k] += share * line[k]
 
 
 @inner
@@ -129,10 +132,10 @@ def solve_tangents(system: RowSystem, one_sided: bool, room: Room, impulse: Row)
         for i in range(len(impulse)):
             copy_to(room.rise[i], room.known[i])
         if not one_sided:
-            stiffened(system, room.rise, False, room.line, room.lower)
+            stiffened(system, False, room)
         room.pivots[0] = -1
         if one_sided or not factor_inertia(room.lower, room.lower):
-            stiffened(system, room.rise, True, room.line, room.lower)
+            stiffened(system, True, room)
             if not factor(room.lower, room.pivots):
                 room.known[:] = np.nan
                 return False

@@ -175,17 +175,17 @@ class Plant(Ranged):
         """
         setup, torque = self._setup, self._command(state, rotor_torque, dt)
         state = setup.with_memory(state)
-        q, v, _, closed, *more, _ = state
-        q, v, impulse, deflection, speed = map(np.ascontiguousarray, (q, v, *more))
+        q, v, _, closed, push, bent, spin, _ = state
         if len(closed) != setup.barriers.size:
             check_outside(setup, setup.gaps(q)[: setup.plant.obstacles.rigid])
         setup.begin(state, dt, external)
-        failed = take_step(setup.plant, q, v, impulse, deflection, speed, closed, torque)
+        failed = take_step(setup.plant, q, v, push, bent, spin, closed, torque)
         stages = setup.stages()
         setup.heard()
         if failed:
             raise failure(setup, failed, torque)
-        return StepResult(setup, state, dt, external, stages, setup.acts)
+        end = setup.state_at(state.memory, stages, setup.acts, len(stages) - 1)
+        return StepResult(setup, state, end, dt, external, stages, setup.acts)
 
     def run(
         self,

@@ -13,7 +13,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.mechanics.newton import WAYS
 from wbc.sim.energy import EnergyAudit, EnergyFlow
-from wbc.sim.setup import EffectActs, Setup, memory_before
+from wbc.sim.setup import EffectActs, Setup
 from wbc.sim.step import tables, telling
 from wbc.sim.step.solution import MISSED, USED, WAY
 from wbc.sim.step.tables import LENGTH, RESTITUTION, RETURN_SPEED, TIME, SimState
@@ -73,6 +73,7 @@ class StepResult:
     Attributes:
         setup: the plant's.
         start: the state it started from, with the memory of its effects.
+        state: at the end.
         duration: of the step [s].
         external: generalised force (nv,) from outside, None for none.
         stages: (s + 1, w) the parts and impacts, and the end, see `Opened.stages`.
@@ -81,25 +82,15 @@ class StepResult:
 
     setup: Setup
     start: SimState
+    state: SimState
     duration: float
     external: FloatArray | None
     stages: FloatArray
     acts: dict[int, EffectActs]
 
-    @cached_property
-    def state(self) -> SimState:
-        """At the end."""
-        return self.state_at(len(self.stages) - 1)
-
     def state_at(self, stage: int) -> SimState:
         """Return the state in which a stage starts; stage s is the end of the step."""
-        setup, words, memory = self.setup, self.stages[stage], self.start.memory
-        _, q, v, push, bent, spin, _, _ = setup.cuts
-        closed = np.ndarray(setup.barriers.size, np.bool_, words, setup.closed_at)
-        if self.acts:
-            memory = memory_before(self.acts, stage, memory)
-        at, kept = (words[q], words[v], words.item(TIME)), (words[push], words[bent], words[spin])
-        return SimState(*at, closed, *kept, memory)
+        return self.setup.state_at(self.start.memory, self.stages, self.acts, stage)
 
     @property
     def command(self) -> FloatArray:

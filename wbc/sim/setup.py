@@ -240,7 +240,7 @@ class Setup:
         stage, time = int(now.numbers[tables.STAGE]), now.numbers[tables.TIME] + 0.5 * step
         mesh = None if np.isnan(told.mesh).any() or not len(told.mesh) else told.mesh.copy()
         motion = Motion(q, v, None, np.asarray(time), self.temperature, mesh_torque=mesh)
-        memory, rotor = memory_before(self.acts, stage, state.memory), now.command.copy()
+        memory, rotor = _memory_at(state.memory, self.acts, stage), now.command.copy()
         seen, following = [motion] * len(self.hooks), [*memory]
         for total in (told.outer, told.dry, told.added):
             total[:] = 0.0
@@ -298,7 +298,26 @@ class Setup:
             self._given, self.acts = state, {}
         numbers = self.plant.now.numbers
         numbers[tables.TIME], numbers[tables.LENGTH] = state.time, step
-        self.plant.forces.external[:] = 0.0 if external is None else external
+        self.plant.forces.external.fill(0.0)
+        if external is not None:
+            self.plant.forces.external[:] = external
+
+    def state_at(
+        self, first: EffectMemory, stages: FloatArray, acts: Mapping[int, EffectActs], stage: int
+    ) -> SimState:
+        """Return the state in which a stage of a step starts.
+
+        Args:
+            first: memory of the effects at the start of the step.
+            stages: (s + 1, w) of the step, see `Opened`.
+            acts: what effects did in each part, by its stage.
+            stage: its number; s for the end of the step.
+        """
+        words, (_, q, v, push, bent, spin, _, _) = stages[stage], self.cuts
+        memory = _memory_at(first, acts, stage) if acts else first
+        closed = np.ndarray(self.barriers.size, np.bool_, words, self.closed_at)
+        at, more = (words[q], words[v], words.item(tables.TIME)), (words[push], words[bent])
+        return SimState(*at, closed, *more, words[spin], memory)
 
     def heard(self) -> None:
         """Raise what the ground, or an effect, raised."""
@@ -366,16 +385,11 @@ class Setup:
             )
 
 
-def memory_before(acts: Mapping[int, EffectActs], stage: int, first: EffectMemory) -> EffectMemory:
-    """Return the memory of the effects where a stage of a step starts.
-
-    Args:
-        acts: what they did in each part, by its stage.
-        stage: its number.
-        first: their memory at the start of the step.
-    """
-    before = [number for number in acts if number < stage]
-    return acts[before[-1]][0] if before else first
+def _memory_at(memory: EffectMemory, acts: Mapping[int, EffectActs], stage: int) -> EffectMemory:
+    """Return the memory of the effects where a stage starts, from that at the start of a step."""
+    for number, (following, _) in acts.items():
+        memory = following if number < stage else memory
+    return memory
 
 
 def _memory(names: Any, *sizes: int) -> tuple[Any, Any]:

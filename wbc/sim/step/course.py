@@ -164,13 +164,20 @@ _OVER = 1e-9
 
 
 @inner
+def read(given: Vector, copied: OutRow) -> None:
+    """Write the entries of a vector with any stride."""
+    for i in range(len(given)):
+        copied[i] = given[i]
+
+
+@inner
 def begin_step(
     plant: Opened,
-    q: Row,
-    v: Row,
-    impulse: Row,
-    deflection: Row,
-    speed: Row,
+    q: Vector,
+    v: Vector,
+    impulse: Vector,
+    deflection: Vector,
+    speed: Vector,
     closed: Flags,
     torque: Vector,
 ) -> bool:
@@ -186,19 +193,19 @@ def begin_step(
     known = len(closed) == len(now.closed)
     now.impulse[:], now.deflection[:], now.flow[:] = 0.0, 0.0, 0.0
     now.numbers[STAGE] = 0.0
-    copy_to(q, now.position)
-    copy_to(v, now.velocity)
-    copy_to(deflection, now.deflection)
+    read(q, now.position)
+    read(v, now.velocity)
+    read(deflection, now.deflection)
     if len(impulse) == len(now.impulse):
-        copy_to(impulse, now.impulse)
+        read(impulse, now.impulse)
     for i in range(len(torque)):
         now.motor_speed[i] = speed[i] if len(speed) else dot(now.velocity, plant.gears.rows[i])
         good = good and bool(np.isfinite(torque[i]))
         now.command[i] = min(max(torque[i], forces.low[i]), forces.high[i])
     copy_to(now.command, forces.command)
-    for i in range(len(now.closed)):
-        now.closed[i] = known and closed[i]
-        now.kept[i], now.struck[i] = False, False
+    now.closed[:], now.kept[:], now.struck[:] = False, False, False
+    for i in range(len(closed) if known else 0):
+        now.closed[i] = closed[i]
     return good
 
 
@@ -241,11 +248,11 @@ def meet(plant: Opened, left: float, goes_on: bool) -> int:
 @compiled
 def take_step(
     plant: Opened,
-    q: Row,
-    v: Row,
-    impulse: Row,
-    deflection: Row,
-    speed: Row,
+    q: Vector,
+    v: Vector,
+    impulse: Vector,
+    deflection: Vector,
+    speed: Vector,
     closed: Flags,
     torque: Vector,
 ) -> int:

@@ -47,8 +47,12 @@ class SimState(NamedTuple):
     memory: EffectMemory = ()
 
     def replace(self, **changes: Any) -> SimState:
-        """Return a copy with some fields changed."""
-        return self._replace(**changes)
+        """Return a copy with some fields changed; lists are as good as arrays."""
+        given: dict[str, Any] = {
+            name: np.asarray(value) if isinstance(value, list) else value
+            for name, value in changes.items()
+        }
+        return self._replace(**given)
 
 
 TOUCH = 1e-6
