@@ -171,7 +171,7 @@ class Setup:
             told = told._replace(asked=self._address(self._ask_ground))
         rows = m + nv + size + told.tangents * len(told.touch)
         pushes = 3 * (barriers.points + len(barriers.pairs))
-        end = nq, nv, m, rows, size, nv, m, m, size, pushes, m, 18, 3, nq, nv, size, nv, nv, size
+        end = m, rows, size, nv, m, m, 2, pushes, 18, 3, nq, nv, nv, nq, nv, m, size, nv, size
         now, now_kind = _memory(tables.Now, 3, nq, nv, rows, m, m, m, 13, *[size] * 3)
         self.closed_at = now_kind.fields["closed"][1]
         begin = [now_kind.fields[name][1] // 8 for name in now_kind.names[:9]]
@@ -393,10 +393,13 @@ def _memory_at(memory: EffectMemory, acts: Mapping[int, EffectActs], stage: int)
 
 
 def _memory(names: Any, *sizes: int) -> tuple[Any, Any]:
-    """Return a structure with new arrays as long as `sizes`, and how they lie in its words."""
-    fields = zip(names.structure.kind.fields.items(), sizes, strict=False)  # words follow
-    kinds = [(name, np.dtype(str(kind.dtype)), (size,)) for (name, kind), size in fields]
-    layout = np.dtype(kinds, align=True)
+    """Return a structure of arrays as long as `sizes`, and how those before its words lie there."""
+    fields = zip([name for name in names._fields if name != "words"], sizes, strict=True)
+    known, count = names.structure.kind.fields, names._fields.index("words")
+    kinds = [(name, np.dtype(str(known[name].dtype)), (size,)) for name, size in fields]
+    layout = np.dtype(kinds[:count], align=True)
     words = np.zeros(layout.itemsize // 8)
     record = np.ndarray((), layout, words)
-    return stored(names(*[record[name] for name in names._fields[:-1]], words)), layout
+    more = (np.zeros(shape, kind) for _, kind, shape in kinds[count:])
+    own = [record[name] for name in names._fields[:count]]
+    return stored(names(*own, words, *more)), layout

@@ -183,11 +183,12 @@ def arrive(plant: Opened, rows: PartRows, pushes: Row) -> None:
         gap = end.gap[held[row]] if held[row] < rigid else 0.0
         drift[row], pressed[row] = gap, int(pushes[row] > 0.0 and gap < jumped)
         off, deepest = max(off, abs(gap) if pressed[row] > 0 else -gap), min(deepest, gap)
-    end.moved[:], end.depth[:] = 0.0, 0.0
+    end.moved[:], end.deepest[:] = 0.0, 0.0
     if off > DRIFT:
         furthest = plant.bounds[RETURN_SPEED] * rows.step
         for row in range(len(held) if deepest < -furthest - TOUCH else 0):
-            end.depth[held[row]] = max(-drift[row] - furthest, 0.0)
+            if -drift[row] - furthest > end.deepest[0]:
+                end.deepest[0], end.deepest[1] = -drift[row] - furthest, held[row]
         take_back(plant, rows, pressed, drift, furthest)
     copy_to(end.after, end.velocity)
     if len(plant.placed.bases):

@@ -275,56 +275,56 @@ class Ending(NamedTuple):
     """Memory for the middle of a part and its end, and for an impact, which writes those marked *.
 
     Attributes:
-        position, velocity: q (nq,), v (nv,) at the end.
-        motor_speed: (m,) of the motor outputs.
+        motor_speed: (m,) of the motor outputs at the end.
         impulse: * of the rows, in the layout in which a state keeps them; of an impact one after
             the other.
         gap: * (2 j + c,).
         after: * v (nv,) at the middle, after forces and impulses.
         mesh_impulse: T (m,) [N m s].
         torque: (m,) [N m] that drives delivered on the rotors.
-        depth: (2 j + c,) that is left to take back.
+        deepest: (2,) greatest depth that is left to take back, and the number of its barrier.
         pushes: * (3 (k + p),) impulses [N s] on contact points, and on the first hull of each
             pair, world axes.
-        deflection: (m,) [rad] of the motor outputs ahead of the joints.
         books: * (18,) work and losses [J], MOTOR to SHARE.
         work: * (3,) USED to MISSED of `solution`.
         before, speed: q (nq,), v (nv,) in the middle, before forces and impulses.
-        rate: (2 j + c,) at which closed contacts opened at the start.
         force: (nv,) generalised forces in the middle, of effects and from outside.
+        words: all of this in one; what follows is not kept of a stage.
+        position, velocity: q (nq,), v (nv,) at the end.
+        deflection: (m,) [rad] of the motor outputs ahead of the joints.
+        rate: (2 j + c,) at which closed contacts opened at the start.
         moved: (nv,) shift out of overlaps.
         aims: * speeds at which the barriers of an impact are to part, in their order.
         closed: * (2 j + c,) barriers that hold or take part; afterwards those that stay closed.
         kept, jumps: (2 j + c,) barriers that may close within the part, and those that are to be
             kept from its end on: they land slowly, or their gap jumps.
         fresh: * (2 j + c,) barriers that an impact reaches.
-        words: see `Now`.
     """
 
-    position: OutRow
-    velocity: OutRow
     motor_speed: OutRow
     impulse: OutRow
     gap: OutRow
     after: OutRow
     mesh_impulse: OutRow
     torque: OutRow
-    depth: OutRow
+    deepest: OutRow
     pushes: OutRow
-    deflection: OutRow
     books: OutRow
     work: OutRow
     before: OutRow
     speed: OutRow
-    rate: OutRow
     force: OutRow
+    words: OutRow
+    position: OutRow
+    velocity: OutRow
+    deflection: OutRow
+    rate: OutRow
     moved: OutRow
     aims: OutRow
     closed: OutFlags
     kept: OutFlags
     jumps: OutFlags
     fresh: OutFlags
-    words: OutRow
 
 
 @structured

@@ -62,12 +62,9 @@ def find_events(plant: Opened, stages: Dense, flow: Row, told: OutDense) -> int:
     for stage in range(last):
         copy_to(stages[stage, len(plant.now.words) :], end.words)
         if stages[stage, LENGTH] > 0.0:
-            depth, deepest = 0.0, 0
-            for i in range(len(end.depth)):
-                if end.depth[i] > depth:
-                    depth, deepest = end.depth[i], i
+            depth = end.deepest[0]
             if depth > 0.0:
-                count = tell(told, count, OVERLAP, stage, depth, deepest)
+                count = tell(told, count, OVERLAP, stage, depth, end.deepest[1])
         made, cause = books[NORMAL], NORMAL
         for i in range(MESH, IMPACT + 1):
             if -books[i] > made:
