@@ -21,14 +21,14 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.identification.choice.candidate_columns import Regressor, make_regressors
+from wbc.identification.choice.candidate_columns import Regressor, evidence, make_regressors
 from wbc.identification.choice.evidence import Key
 from wbc.identification.model.columns import SparseColumns, drawn
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import evaluate
 from wbc.identification.records.record import rows_of_folds
-from wbc.robot import Effect, Robot
+from wbc.robot import Effect, Evidence, Robot
 
 _RIDGE = 1e-10
 _RIDGE_HELD_OUT = 1e-3
@@ -353,7 +353,8 @@ def screen(
     """Return the search over what could be added to a model or stand in the place of its causes.
 
     The present parameters are free to move. One set of columns serves for the place of every cause:
-    what a small effect adds hardly depends on one cause more or less.
+    what a small effect adds hardly depends on one cause more or less. Shapes that follow the data
+    are those that show with all causes, and at the place of each cause those that show without it.
 
     Args:
         problem: the logs.
@@ -362,7 +363,11 @@ def screen(
         failures: errors inside effects are counted there.
     """
     at = evaluate(problem.robot, fit.effects, problem.records, problem.whitening)
-    regressors = make_regressors(problem.columns, at, offered, failures, problem.still)
+    shown: list[tuple[Evidence, list[str] | None]] = [(evidence(fit.robot, problem.records), None)]
+    for gone in () if fit.swings else fit.effects:  # links that swing would be simulated for each
+        rest = problem.robot.with_effects(*(e for e in fit.effects if e is not gone))
+        shown.append((evidence(rest, problem.records), [gone.where]))
+    regressors = make_regressors(problem.columns, at, offered, shown, failures, problem.still)
     # Those that an output which is judged feels.
     felt = [r for r in regressors if problem.whitening[r.columns.outputs].any()]
     kept = [regressor for regressor in felt if not _drawn_twice(fit, regressor)]

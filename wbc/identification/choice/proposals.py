@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from wbc.identification.choice.candidate_columns import Regressor
-from wbc.identification.choice.drop_screen import exchanged, until_null
+from wbc.identification.choice.drop_screen import exchanged, losses, until_null
 from wbc.identification.choice.evidence import Hypothesis, Key, Offer, weigh, without
 from wbc.identification.choice.linear_screen import (
     LinearScreen,
@@ -26,6 +26,8 @@ Screened = tuple[Offer, list[Regressor]]
 _SCREEN_ERROR = 0.03
 _SCREEN_NOISE = 0.2
 _LINEAR_HOOKS = ADDS | {"change"}  # by which causes act linearly
+_REPLACED = 0.5  # of what a cause explains, that it may still explain beside what replaces it
+_LINEAR = 0.2  # share of what causes explain, by which a screen without them may be off
 _SCREENED = 40  # causes of a screen that are looked at
 _EXCHANGES = 24  # offers that are fitted in the place of one cause, of all causes together
 # Evidence [nats] that an exchange may lack by derivatives and still be fitted. Of 72 that lacked
@@ -80,29 +82,46 @@ class Proposer:
 
         With each offer by how much derivatives say that it raises the evidence [nats]. All places
         of one hypothesis are screened by the same columns: a screen of its own for each would cost
-        as much as everything else together. What is left without the cause its derivatives say.
+        as much as everything else together. What is left without the cause its derivatives say; a
+        cause that does not act linearly is left out of a fit first, unless nothing regains half of
+        what it explains.
 
         Args:
             h: the hypothesis.
             own: its cause that gives way.
             count: how many offers at most.
-            hopeless: whether those count that cannot win by derivatives.
+            hopeless: whether those count that cannot win by derivatives; then these are enough,
+                and nothing is fitted.
         """
         if drawn(own) or not own.search.gradual:
             return self._beside_rest(h, own, count)
         if not self.candidates:
             return []
-        robot, fewer = self.trials.problem.robot, without(h.effects, own)
-        gone, steps = until_null(self.trials.fit(h), (own,), robot)
-        moved = self._around(h).instead_of(gone, steps, robot.with_effects(*fewer), set(h.keys))
+        problem, fit = self.trials.problem, self.trials.fit(h)
+        fewer = without(h.effects, own)
+        search = self._around(h)
+        gone, steps = until_null(fit, (own,), problem.robot)
+        moved = search.instead_of(gone, steps, problem.robot.with_effects(*fewer), set(h.keys))
+        chosen = self._chosen(replace(h, effects=fewer), moved, count, h.error, search)
+        linear = own.acts_by <= _LINEAR_HOOKS
+        # What a cause that is not linear explains may be half of what its derivatives say.
+        lost = 0.0 if linear or h.swings else losses(problem, fit, h, [(own,)])[0][0]
         likely = []
-        for offer, added in self._chosen(replace(h, effects=fewer), moved, count, h.error):
+        for offer, added in chosen:
             gain = sum(self._gain(h, (own,), offer, added))
             shaped = any(p.shape for regressor in added for p in regressor.effect.parameters)
-            linear = own.acts_by <= _LINEAR_HOOKS and not shaped
-            if hopeless or gain > -(HOPELESS if linear else _BEYOND_FITS):
+            least = -HOPELESS if linear and not shaped else -_BEYOND_FITS
+            if hopeless or gain > least - _REPLACED * max(lost, 0.0):
                 likely.append((gain, offer))
-        return likely
+        if linear or h.swings or hopeless or not likely:
+            return likely
+        rest = self.trials.of(fewer, h)
+        if rest is None:
+            return []
+        off = abs(moved.error(()) - rest.error)
+        if off > _LINEAR * abs(rest.error - h.error) + _SCREEN_NOISE:
+            return self._beside_rest(h, own, count)
+        return [(gain, (*rest.effects, *offer[len(fewer) :])) for gain, offer in likely]
 
     def exchanges(self, h: Hypothesis, count: int, *, hopeless: bool = False) -> list[Offer]:
         """Return the most promising exchanges of any one cause of a hypothesis, best first.
@@ -167,17 +186,18 @@ class Proposer:
         return self._screens[key]
 
     def _chosen(
-        self, h: Hypothesis, search: LinearScreen, count: int, enough: float
+        self,
+        h: Hypothesis,
+        search: LinearScreen,
+        count: int,
+        enough: float,
+        around: LinearScreen | None = None,
     ) -> list[Screened]:
-        """Return the best of a screen.
-
-        Args:
-            h: beside whose causes they stand.
-            search: the screen.
-            count: how many offers at most.
-            enough: error up to which an offer counts as good; 0 where only the best one's counts.
-        """
+        """Return the best of a screen; `around` is that with the causes that give way."""
         start = search.error(())
+        # What leaves a cause as much to explain as before does not take its place: it was tried as
+        # a cause more.
+        replaced = 0.0 if around is None else _REPLACED * (start - around.error(()))
         offers: list[Screened] = []
         seen: set[tuple[Key, ...]] = set()
         limit = 0.0
@@ -191,9 +211,15 @@ class Proposer:
             single |= first_single
             added = [search.regressors[k] for k in subset.regressors]
             key = tuple(sorted(regressor.key for regressor in added))
-            if key not in seen and (subset.error <= limit or first_single):
-                seen.add(key)
-                offers.append(((*h.effects, *search.effects(subset)), added))
+            enters = subset.error <= limit or first_single
+            if around is not None and search.error(subset.regressors) > replaced + around.error(
+                subset.regressors
+            ):
+                continue
+            if key in seen or not enters:
+                continue
+            seen.add(key)
+            offers.append(((*h.effects, *search.effects(subset)), added))
         # A wrong drawing is imitated by many that explain a part each: it is tried beside them all.
         for subset in _drawn(search) if not enough and not h.swings else ():
             drawn = [search.regressors[k] for k in subset.regressors]
@@ -205,25 +231,24 @@ class Proposer:
         """Return the effects of a hypothesis with two more that explain most together.
 
         They may hide one another: damping makes a delay look negative, neither is possible alone.
-        What they explain is measured in shares of what is left at each output: the log density
-        falls by shares as long as they are small. In floors a joint that is far from its sensors'
-        floor decides for all: a recorded six-axis arm, off by 103 floors at its fourth joint, kept
-        2.9 N m at its second (11 floors), where a pair leaves 1.3.
+        What they explain is measured in floors, and in shares of what is left at each output: the
+        log density falls by shares as long as they are small. In floors alone a joint that is far
+        from its sensors' floor decides for all: a recorded six-axis arm, off by 103 floors at its
+        fourth joint, kept 2.9 N m at its second (11 floors), where a pair leaves 1.3.
         """
         if not self.candidates:
             return []
-        search, problem = self._around(h), self.trials.problem
+        search = self._around(h)
         share = 1.0 / np.sqrt(np.maximum(h.outputs, 1.0))
-        shares = screen_in_shares(problem, self.trials.fit(h), search.regressors, share)
-        likely = [subset for subset in shares.pairs(_AMONG) if np.isfinite(subset.error)]
-        offers = [
-            (
-                (*h.effects, *shares.effects(subset)),
-                [shares.regressors[k] for k in subset.regressors],
-            )
-            for subset in likely[:count]
-        ]
-        return [offer for offer, added in offers if self._may_add(h, offer, added)]
+        shares = screen_in_shares(self.trials.problem, self.trials.fit(h), search.regressors, share)
+        offers: dict[tuple[Key, ...], Screened] = {}
+        for screened in (search, shares):
+            own = [s for s in screened.pairs(_AMONG) if np.isfinite(s.error)]
+            for subset in own[:count]:
+                added = [search.regressors[k] for k in subset.regressors]
+                offer = (*h.effects, *screened.effects(subset))
+                offers.setdefault(tuple(sorted(r.key for r in added)), (offer, added))
+        return [offer for offer, added in offers.values() if self._may_add(h, offer, added)]
 
 
 def _limit(start: float, least: float, enough: float) -> float:
