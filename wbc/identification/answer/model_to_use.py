@@ -96,17 +96,16 @@ def believed(found: SearchResult) -> Answer:
 def _without_one(trials: Trials, answer: Answer, doubted: set[Key]) -> Answer:
     """Return an answer without one of its doubted causes, which joins those that are `doubted`.
 
-    Of those without which everything is believed it is the one that is missed least, else the
-    least believed: losses of a gear, friction and a current limit that made up for each other were
-    all doubted together, and the losses alone explained the calf of a generated leg.
+    It is the one without which the fewest are doubted, and of several the one that is missed least:
+    losses of a gear, friction and a current limit that made up for each other were all doubted
+    together, and the losses alone explained the calf of a generated leg.
     """
     each = [
         judged(trials, best_without(trials, answer.hypothesis, {*doubted, key}), {*doubted, key})
         for key in answer.doubted
     ]
-    whole = [k for k, one in enumerate(each) if not one.doubted] or [0]
-    evidence = weigh(trials.problem, [each[k].hypothesis for k in whole])
-    gone = whole[int(evidence.argmax())]
+    evidence = weigh(trials.problem, [one.hypothesis for one in each])
+    gone = min(range(len(each)), key=lambda k: (len(each[k].doubted), -evidence[k]))
     doubted.add(answer.doubted[gone])
     return each[gone]
 
