@@ -145,9 +145,10 @@ def factor_inertia(inertia: Dense, lower: OutDense) -> bool:
     for k in range(size - 1, -1, -1):
         if not lower[k, k] > 0.0:
             return False
-        lower[k, k] = np.sqrt(lower[k, k])
+        root = np.sqrt(lower[k, k])
+        lower[k, k], part = root, 1.0 / root
         for j in range(k):
-            lower[k, j] /= lower[k, k]
+            lower[k, j] *= part
         for i in range(k):
             share = lower[k, i]
             if share != 0.0:
