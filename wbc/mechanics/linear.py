@@ -136,8 +136,8 @@ def solve_factored(matrix: Dense, pivots: Places, right: OutRow) -> None:
 def factor_inertia(inertia: Dense, lower: OutDense) -> bool:
     """Write L, the lower half, with L' L = inertia (n, n); False where that is not positive.
 
-    From the leaves to the root, where the zeros between branches of a tree stay zeros
-    (Featherstone).
+    Of the numbers on its diagonal, which only divide, the inverse is written. From the leaves to
+    the root, where the zeros between branches of a tree stay zeros (Featherstone).
     """
     size = len(inertia)
     for i in range(size):
@@ -145,8 +145,8 @@ def factor_inertia(inertia: Dense, lower: OutDense) -> bool:
     for k in range(size - 1, -1, -1):
         if not lower[k, k] > 0.0:
             return False
-        root = np.sqrt(lower[k, k])
-        lower[k, k], part = root, 1.0 / root
+        part = 1.0 / np.sqrt(lower[k, k])
+        lower[k, k] = part
         for j in range(k):
             lower[k, j] *= part
         for i in range(k):
@@ -162,8 +162,8 @@ def halfway(lower: Dense, right: OutRow) -> None:
     """Replace a row (n,) by L'^-1 of it; the products of such rows are those of H^-1."""
     for i in range(len(lower) - 1, -1, -1):
         if right[i] != 0.0:
-            right[i] /= lower[i, i]
-            share = right[i]
+            share = right[i] * lower[i, i]
+            right[i] = share
             for j in range(i):
                 right[j] -= share * lower[i, j]
 
@@ -175,7 +175,7 @@ def rest_of_way(lower: Dense, right: OutRow) -> None:
         total = 0.0
         for j in range(i):
             total += lower[i, j] * right[j]
-        right[i] = (right[i] - total) / lower[i, i]
+        right[i] = (right[i] - total) * lower[i, i]
 
 
 @inner
