@@ -175,7 +175,7 @@ def begin_step(
     plant: Opened,
     q: Vector,
     v: Vector,
-    impulse: Vector,
+    impulse: Row,
     deflection: Vector,
     speed: Vector,
     closed: Flags,
@@ -197,7 +197,7 @@ def begin_step(
     read(v, now.velocity)
     read(deflection, now.deflection)
     if len(impulse) == len(now.impulse):
-        read(impulse, now.impulse)
+        copy_to(impulse, now.impulse)
     for i in range(len(torque)):
         now.motor_speed[i] = speed[i] if len(speed) else dot(now.velocity, plant.gears.rows[i])
         good = good and bool(np.isfinite(torque[i]))
@@ -250,7 +250,7 @@ def take_step(
     plant: Opened,
     q: Vector,
     v: Vector,
-    impulse: Vector,
+    impulse: Row,
     deflection: Vector,
     speed: Vector,
     closed: Flags,
