@@ -14,9 +14,9 @@ from wbc.arrays import FloatArray
 from wbc.mechanics.newton import WAYS
 from wbc.sim.energy import EnergyAudit, EnergyFlow
 from wbc.sim.setup import EffectActs, Setup
-from wbc.sim.step import tables, telling
+from wbc.sim.step import telling
 from wbc.sim.step.solution import MISSED, USED, WAY
-from wbc.sim.step.tables import LENGTH, RESTITUTION, RETURN_SPEED, TIME, SimState
+from wbc.sim.step.tables import BOOK, LENGTH, RESTITUTION, RETURN_SPEED, TIME, SimState
 
 _COARSE = "the step is too long: of {play:.3g} J that it moved, {size:.3g} J came from nowhere"
 _TEXTS = {
@@ -177,8 +177,7 @@ class StepResult:
         setup, at = self.setup, int(what)
         about: dict[str, Any] = {"play": what, "speed": setup.plant.bounds[RETURN_SPEED]}
         if kind == "energy":
-            causes = (*EnergyFlow._fields, "normal")
-            about["cause"] = causes[at].replace("_", " ")
+            about["cause"] = BOOK._fields[at].replace("_", " ")
         elif kind == "sunk":
             about["joint"] = setup.robot.joints[at]
         elif kind == "overlap":
@@ -252,7 +251,7 @@ class Flow(Stage):
     @property
     def energy(self) -> EnergyFlow:
         """Work and losses."""
-        flow = EnergyFlow._make(self.end["books"][: tables.NORMAL].tolist())
+        flow = EnergyFlow._make(self.end["books"][: BOOK.normal].tolist())
         return flow + self.in_effects if self.result.acts else flow
 
     @property
@@ -280,7 +279,7 @@ class Flow(Stage):
                 turned = 0.5 * step * (drive.motion(self.start)[1] + end["motor_speed"])
                 motor += float(rotor @ (drive.gears.gear_ratio * turned))
         joint -= 0.0 if result.external is None else result.external
-        work = float(step * (joint @ mean)) - end["books"].item(tables.EFFECTS)
+        work = float(step * (joint @ mean)) - end["books"].item(BOOK.effects)
         return found + EnergyFlow(motor=-motor, effects=work)
 
 
@@ -311,19 +310,19 @@ class Impact(Stage):
     def restitution(self) -> float:
         """Normal speed after over before; as much less than the plant's as it would make energy."""
         most = self.result.setup.plant.bounds[RESTITUTION]
-        return float(self.end["books"][tables.SHARE] * most)
+        return float(self.end["books"][BOOK.share] * most)
 
     @property
     def mesh_loss(self) -> float:
         """Energy lost in the gears [J]."""
-        return float(self.end["books"][tables.IMPACT_MESH])
+        return float(self.end["books"][BOOK.impact_mesh])
 
     @property
     def contact_loss(self) -> float:
         """Energy lost in the contacts [J]."""
-        return float(self.end["books"][tables.IMPACT])
+        return float(self.end["books"][BOOK.impact])
 
     @property
     def kinetic(self) -> float:
         """Energy before [J], of rotors included."""
-        return float(self.end["books"][tables.KINETIC])
+        return float(self.end["books"][BOOK.kinetic])

@@ -22,23 +22,7 @@ from wbc.sim.step.contacts import put, solid_gap, touch_ground
 from wbc.sim.step.motion import look, set_momentum
 from wbc.sim.step.part_rows import PartRows, motor_speeds, rotor_energy
 from wbc.sim.step.solution import stored_at
-from wbc.sim.step.tables import (
-    CONTACT,
-    EFFECTS,
-    EXTERNAL,
-    FRICTION,
-    GEAR,
-    HERTZ,
-    KINETIC,
-    MESH,
-    MOTOR,
-    NORMAL,
-    ROTOR,
-    TAKEN,
-    TRAFFIC,
-    Gears,
-    Opened,
-)  # fmt: skip
+from wbc.sim.step.tables import BOOK, HERTZ, Gears, Opened
 
 MADE = 5e-5
 """Share of the energy in play that a part may make. The steps of 10 ms in which a leg that falls
@@ -104,17 +88,17 @@ def book_gears(plant: Opened, rows: PartRows) -> None:
     for i in range(m):
         size = abs(motor[i])
         turned = 0.5 * step * gears.ratio[i] * (rows.motor[i] + motor[i])
-        books[MOTOR] += plant.end.torque[i] * turned
-        books[ROTOR] += step * (gears.coulomb[i] + gears.viscous[i] * size) * size
+        books[BOOK.motor] += plant.end.torque[i] * turned
+        books[BOOK.rotor_friction] += step * (gears.coulomb[i] + gears.viscous[i] * size) * size
         gain = rows.laws[i, 3] if motor[i] * mesh[i] > 0.0 else rows.laws[i, 4]
         lost, damped = (gain - 1.0) * mesh[i] * motor[i], 0.0
         if plant.gears.yields[i]:
             lost, damped = loose_losses(plant, rows, i, lost)
-        books[MESH] += lost
-        books[GEAR] += damped
+        books[BOOK.mesh] += lost
+        books[BOOK.gear_damping] += damped
     for i in range(len(rows.laws)):
         size = abs(motor[i] if i < m else rows.speed[i])
-        books[FRICTION] += (rows.laws[i, 5] + rows.laws[i, 6] * size) * size
+        books[BOOK.joint_friction] += (rows.laws[i, 5] + rows.laws[i, 6] * size) * size
 
 
 @inner
@@ -136,18 +120,18 @@ def book_barriers(plant: Opened, rows: PartRows) -> None:
     for i in range(elements, len(rows.impulse)):
         push, made = rows.impulse[i], rows.impulse[i] * rows.speed[i]
         if i >= elements + both:
-            books[CONTACT] -= made
+            books[BOOK.contact] -= made
             continue
         contact = i - contacts
         if len(rows.depths) and contact >= 0:
-            books[CONTACT] += soft_loss(plant, rows, contact)
+            books[BOOK.contact] += soft_loss(plant, rows, contact)
             continue
         for a in range(d if contact >= 0 else 0):
             along = elements + both + contact * d + a
             made += rows.impulse[along] * rows.speed[along]
-        books[NORMAL] = max(books[NORMAL], made)
+        books[BOOK.normal] = max(books[BOOK.normal], made)
         mean = 0.5 * (dot(speed, rows.matrix[i]) + dot(plant.end.after, rows.matrix[i]))
-        books[CONTACT] += max(-push * mean, 0.0)
+        books[BOOK.contact] += max(-push * mean, 0.0)
 
 
 @inner
@@ -165,14 +149,14 @@ def books_of(plant: Opened, rows: PartRows) -> None:
     for i in range(len(rows.impulse)):
         # A speed below 10 TOLERANCE is rounding; `result` takes 1e-8 of what moves as such.
         speed_of = abs(rows.speed[i]) + 1e9 * TOLERANCE
-        books[TRAFFIC] += abs(rows.impulse[i]) * speed_of
+        books[BOOK.traffic] += abs(rows.impulse[i]) * speed_of
     for c in range(len(speed)):
         square = speed[c] * speed[c] + plant.end.after[c] * plant.end.after[c]
-        books[KINETIC] += abs(inertia[c, c]) * square
+        books[BOOK.kinetic] += abs(inertia[c, c]) * square
         moved = 0.5 * rows.step * (speed[c] + plant.end.after[c])
         given = plant.forces.external[c]
-        books[EXTERNAL] += given * moved
-        books[EFFECTS] += (plant.end.force[c] - given) * moved
+        books[BOOK.external] += given * moved
+        books[BOOK.effects] += (plant.end.force[c] - given) * moved
 
 
 @compiled
@@ -250,16 +234,16 @@ def slowed(plant: Opened, fast: Row, share: float, v: OutRow) -> float:
 
 @compiled(inside=True)
 def keep_passive(plant: Opened) -> None:
-    """Take from v (nv,) at the end of a part what it has made; it stands in books[TAKEN] [J].
+    """Take from v (nv,) at the end of a part what it has made; it stands in books[BOOK.taken] [J].
 
     Args:
         plant: its memory stands at the end, with the books.
     """
     now, end, books, fast = plant.now, plant.end, plant.end.books, plant.end.velocity
-    work = books[MOTOR] + books[EXTERNAL] + books[EFFECTS]
+    work = books[BOOK.motor] + books[BOOK.external] + books[BOOK.effects]
     had, _, _ = survey(plant, now.position, now.velocity, now.deflection, now.motor_speed)
     has = stored_in_end(plant, fast)
-    most = had + work + MADE * (books[KINETIC] + abs(work))
+    most = had + work + MADE * (books[BOOK.kinetic] + abs(work))
     if has <= most:
         return
     given, v = fast.copy(), end.velocity
@@ -269,7 +253,7 @@ def keep_passive(plant: Opened) -> None:
     if none < most:
         root = along + sqrt(max(along * along + 4.0 * square * (most - none), 0.0))
         share = 2.0 * (most - none) / root if root > 0.0 else 1.0
-        books[TAKEN] = has - slowed(plant, given, min(share, 1.0), v)
+        books[BOOK.taken] = has - slowed(plant, given, min(share, 1.0), v)
         return
     slowed(plant, given, 0.0, v)
     given[:] = 0.0
@@ -277,4 +261,4 @@ def keep_passive(plant: Opened) -> None:
     share = sqrt((most - rest) / (none - rest)) if rest < most else 0.0
     for i in range(len(v)):
         v[i] *= share
-    books[TAKEN] = has - rest - share * share * (none - rest)
+    books[BOOK.taken] = has - rest - share * share * (none - rest)

@@ -24,16 +24,7 @@ from wbc.sim.step.part_rows import (
     world_pushes,
 )
 from wbc.sim.step.solution import NO_INERTIA, WAY, solve_part
-from wbc.sim.step.tables import (
-    IMPACT,
-    IMPACT_MESH,
-    KINETIC,
-    RESTITUTION,
-    SHARE,
-    TOUCH,
-    Gears,
-    Opened,
-)
+from wbc.sim.step.tables import BOOK, RESTITUTION, TOUCH, Gears, Opened
 
 APART, RESTING, HIT = range(3)
 """Nothing is reached; reached without speed; an impact."""
@@ -136,7 +127,7 @@ def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> 
     """Write at which speeds the barriers are to part; return whether one of them is coming.
 
     What is kept, or was reached in the step before, does not spring back. Arguments as of
-    `impact_at`; found[SHARE] is that share where any springs back.
+    `impact_at`; found[BOOK.share] is that share where any springs back.
     """
     end, now, v, coming = plant.end, plant.now, plant.now.velocity, False
     before = now.closed
@@ -148,7 +139,7 @@ def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> 
         back = 0.0 if ahead or now.struck[i] or now.kept[i] else plant.bounds[RESTITUTION]
         opening = -share * back * min(approach, 0.0)
         if back * min(approach, 0.0) < 0.0:
-            end.books[SHARE] = share
+            end.books[BOOK.share] = share
         coming = coming or (not before[i] and approach < least - _SLOW)
         end.aims[row] = rows.targets[row] = least + opening
     return coming
@@ -165,7 +156,7 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
 
     Returns:
         APART, RESTING or HIT; of these only HIT writes speeds and impulses. It failed where
-        work[WAY] is UNSOLVED or more; found[SHARE] is zero where nothing springs back.
+        work[WAY] is UNSOLVED or more; found[BOOK.share] is zero where nothing springs back.
     """
     end, gravity, before, v = plant.end, plant.tree.gravity, plant.now.closed, plant.now.velocity
     gears, found = plant.gears, end.books
@@ -181,16 +172,18 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
         for i in range(len(before)):
             end.closed[i] = before[i] or end.fresh[i]
         return RESTING
-    found[KINETIC] = kinetic_of(plant, v, rows.motor)
-    work = 1.0 if found[SHARE] == 0.0 else _SHARE_OF_WORK
+    found[BOOK.kinetic] = kinetic_of(plant, v, rows.motor)
+    work = 1.0 if found[BOOK.share] == 0.0 else _SHARE_OF_WORK
     way = solve_part(plant, rows, v, work)
     copy_to(rows.impulse, end.impulse)
     if way >= UNSOLVED:
         return HIT
     following = copied_row(plant.heap, rows.motor)
     motor_speeds(gears, end.after, rows.motor, following)
-    found[IMPACT_MESH] = mesh_loss(gears, v, end.after, rows.motor, following, rows.impulse)
-    found[IMPACT] = found[KINETIC] - kinetic_of(plant, end.after, following) - found[IMPACT_MESH]
+    found[BOOK.impact_mesh] = mesh_loss(gears, v, end.after, rows.motor, following, rows.impulse)
+    found[BOOK.impact] = (
+        found[BOOK.kinetic] - kinetic_of(plant, end.after, following) - found[BOOK.impact_mesh]
+    )
     world_pushes(plant, rows)
     # What parts so slowly that gravity brings it back within the step stays closed.
     slow = 0.5 * left * np.sqrt(dot(gravity, gravity))
@@ -204,7 +197,7 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
 @inner
 def lost_by(plant: Opened) -> float:
     """Return what an impact loses in its contacts [J]; no number where it has no solution."""
-    return float(plant.end.books[IMPACT] if plant.end.work[WAY] < UNSOLVED else np.nan)
+    return float(plant.end.books[BOOK.impact] if plant.end.work[WAY] < UNSOLVED else np.nan)
 
 
 @inner
@@ -234,7 +227,7 @@ def settle(plant: Opened, left: float, goes_on: bool) -> int:
         ask(plant.forces.asked)
     kind = impact_at(plant, 1.0, left, goes_on)
     lost_high = lost_by(plant)
-    if kind != HIT or found[SHARE] == 0.0 or lost_high >= -_ROUNDING * found[KINETIC]:
+    if kind != HIT or found[BOOK.share] == 0.0 or lost_high >= -_ROUNDING * found[BOOK.kinetic]:
         return kind
     impact_at(plant, 0.0, left, goes_on)
     lost_low = lost_by(plant)
@@ -245,7 +238,7 @@ def settle(plant: Opened, left: float, goes_on: bool) -> int:
             share = min(max(share, low + 0.1 * (high - low)), high - 0.1 * (high - low))
         impact_at(plant, share, left, goes_on)
         lost = lost_by(plant)
-        if lost >= -_ROUNDING * found[KINETIC]:
+        if lost >= -_ROUNDING * found[BOOK.kinetic]:
             low, lost_low = share, lost
         else:
             high, lost_high = share, lost

@@ -10,7 +10,8 @@ from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.compiled import Dense, OutDense, OutFlags, OutPlaces, OutRow, OutTable, Table
 from wbc.mechanics.kinematics import Tree
 from wbc.mechanics.memory import Heap
-from wbc.structures import structured
+from wbc.sim.energy import EnergyFlow
+from wbc.structures import numbered, structured
 
 EffectMemory: TypeAlias = tuple[FloatArray | None, ...]
 """Own states of a robot's effects, one per kind that is no row of a table; None without one."""
@@ -228,11 +229,10 @@ class Forces(NamedTuple):
     full: int
 
 
-MOTOR, EXTERNAL, EFFECTS, RELOADED, BENT, MESH, ROTOR, GEAR, FRICTION, BRISTLES = range(10)
-CONTACT, IMPACT_MESH, IMPACT, NORMAL, TRAFFIC, KINETIC, TAKEN, SHARE = range(10, 18)
-"""Work and losses of a part or an impact [J]: see `EnergyFlow`; what one contact or stop made;
-bounds of what moved, for an impact the kinetic energy before; what was taken from speeds that the
-velocity terms had made; and the share of the restitution."""
+BOOK = numbered(" ".join(EnergyFlow._fields) + " normal traffic kinetic taken share")
+"""Numbers of the books of a part or an impact [J]: work and losses, see `EnergyFlow`; what one
+contact or stop made; bounds of what moved, for an impact the kinetic energy before; what was taken
+from speeds that the velocity terms had made; and the share of the restitution."""
 
 TIME, LENGTH, STAGE = range(3)
 """Numbers of `Now`, its first words: [s]; how long the part takes that begins there [s], zero where
@@ -249,7 +249,7 @@ class Now(NamedTuple):
         impulse: of the rows of the last part, in the layout of `Ending.impulse`.
         deflection, motor_speed: (m,) of the motor outputs [rad], [rad/s].
         command: (m,) [N m] on the rotors over the step, within their bounds.
-        flow: (13,) work and losses of the step so far [J], MOTOR to IMPACT.
+        flow: (13,) work and losses of the step so far [J], see `EnergyFlow`.
         closed: (2 j + c,) barriers that hold.
         kept, struck: (2 j + c,) barriers that may close within the next part, and those that were
             reached in the step.
@@ -285,7 +285,7 @@ class Ending(NamedTuple):
         deepest: (2,) greatest depth that is left to take back, and the number of its barrier.
         pushes: * (3 (k + p),) impulses [N s] on contact points, and on the first hull of each
             pair, world axes.
-        books: * (18,) work and losses [J], MOTOR to SHARE.
+        books: * (18,) work and losses [J], see BOOK.
         work: * (3,) USED to MISSED of `solution`.
         before, speed: q (nq,), v (nv,) in the middle, before forces and impulses.
         force: (nv,) generalised forces in the middle, of effects and from outside.

@@ -6,18 +6,7 @@ from wbc.compiled import Dense, OutDense, Row, ask, compiled, inner
 from wbc.mechanics.linear import copy_to
 from wbc.sim.step.books import MADE, survey
 from wbc.sim.step.solution import MISSED
-from wbc.sim.step.tables import (
-    BENT,
-    IMPACT,
-    KINETIC,
-    LENGTH,
-    MESH,
-    NORMAL,
-    TAKEN,
-    TOUCH,
-    TRAFFIC,
-    Opened,
-)  # fmt: skip
+from wbc.sim.step.tables import BOOK, LENGTH, TOUCH, Opened
 
 ENERGY, COARSE, TAKEN_BACK, UNSETTLED, OVERLAP, SUNK = range(6)
 """Kinds of events, see `StepEvent`; of those that are coarse, in TAKEN_BACK speeds were changed."""
@@ -65,26 +54,26 @@ def find_events(plant: Opened, stages: Dense, flow: Row, told: OutDense) -> int:
             depth = end.deepest[0]
             if depth > 0.0:
                 count = tell(told, count, OVERLAP, stage, depth, end.deepest[1])
-        made, cause = books[NORMAL], NORMAL
-        for i in range(MESH, IMPACT + 1):
+        made, cause = books[BOOK.normal], BOOK.normal
+        for i in range(BOOK.mesh, BOOK.impact + 1):
             if -books[i] > made:
                 made, cause = -books[i], i
-        if made > _ROUNDING * (books[KINETIC] + books[TRAFFIC]) + 1e-12:
+        if made > _ROUNDING * (books[BOOK.kinetic] + books[BOOK.traffic]) + 1e-12:
             count = tell(told, count, ENERGY, stage, made, cause)
         if end.work[MISSED] > 0.0:
             count = tell(told, count, UNSETTLED, stage, end.work[MISSED], 0.0)
-        most, taken = max(most, books[KINETIC]), taken + books[TAKEN]
+        most, taken = max(most, books[BOOK.kinetic]), taken + books[BOOK.taken]
     has, gap, lowest = survey_of(plant, stages[last])
     # Contacts may be as deep as a step leaves them.
     hovers = len(plant.placed.bases) > 0 and len(plant.obstacles.contacts) > 0
     if hovers and gap < -max(TOUCH, depth):
         count = tell(told, count, SUNK, last - 1, -gap, lowest)
     work, lost, all_of = 0.0, 0.0, flow if len(flow) else plant.now.flow
-    for i in range(BENT):
+    for i in range(BOOK.bent):
         work += all_of[i]
-    for i in range(MESH, IMPACT + 1):
+    for i in range(BOOK.mesh, BOOK.impact + 1):
         lost += all_of[i]
-    play, gain = most + abs(work) + lost, has - had + all_of[BENT] + lost - work
+    play, gain = most + abs(work) + lost, has - had + all_of[BOOK.bent] + lost - work
     if taken > 0.0 or gain > min(_COARSE * play, MADE * play + lost) + 1e-9:
         kind = TAKEN_BACK if taken > 0.0 else COARSE
         count = tell(told, count, kind, last - 1, max(gain, taken), play)
