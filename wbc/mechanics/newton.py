@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Dense, OutRow, Row, inner
+from wbc.compiled import OutRow, Row, inner
 from wbc.mechanics.linear import (
     add_all,
     add_times,
@@ -29,7 +29,6 @@ from wbc.mechanics.linear import (
     dot,
     factor,
     factor_inertia,
-    rest_of_way,
     solve_factored,
     solve_inertia,
 )
@@ -340,20 +339,3 @@ def solve_system(system: RowSystem, start: Row, work: float, impulse: OutRow) ->
         if count > 0:
             return used, PASSIVE
     return used, UNSOLVED
-
-
-@inner
-def velocity_after(system: RowSystem, lower: Dense, free: Row, impulse: Row, after: OutRow) -> None:
-    """Write v (n,) after row impulses (r,).
-
-    Args:
-        system: of the rows.
-        lower: L (n, n) with L' L = H_l.
-        free: v (n,) without the rows.
-        impulse: (r,).
-        after: to write.
-    """
-    after[:] = 0.0
-    add_all(impulse, system.ways, after)
-    rest_of_way(lower, after)
-    add_times(1.0, free, after)

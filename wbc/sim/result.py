@@ -140,12 +140,6 @@ class StepResult:
         return np.asarray(reduce(add, passed) / self.duration)
 
     @property
-    def rotor_torque(self) -> FloatArray:
-        """(m,) [N m] that the drives delivered, mean over the step."""
-        pushes = [part.step * part.end["torque"] for part in self.parts]
-        return np.asarray(reduce(add, pushes) / self.duration)
-
-    @property
     def unsettled(self) -> int:
         """How many parts and impacts ended passively, without meeting all laws."""
         return sum(stage.missed > 0.0 for stage in self._stages)
@@ -249,12 +243,6 @@ class Flow(Stage):
         return WAYS[int(self.end["work"][WAY])]
 
     @property
-    def energy(self) -> EnergyFlow:
-        """Work and losses."""
-        flow = EnergyFlow._make(self.end["books"][: BOOK.normal].tolist())
-        return flow + self.in_effects if self.result.acts else flow
-
-    @property
     def in_effects(self) -> EnergyFlow:
         """Energy of effects that store some of their own (`Effect.memory_energy`).
 
@@ -321,8 +309,3 @@ class Impact(Stage):
     def contact_loss(self) -> float:
         """Energy lost in the contacts [J]."""
         return float(self.end["books"][BOOK.impact])
-
-    @property
-    def kinetic(self) -> float:
-        """Energy before [J], of rotors included."""
-        return float(self.end["books"][BOOK.kinetic])

@@ -7,9 +7,9 @@ import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled
 from wbc.errors import SimulationError
-from wbc.mechanics.linear import factor_inertia
+from wbc.mechanics.linear import factor_inertia, rest_of_way
 from wbc.mechanics.memory import Heap
-from wbc.mechanics.newton import HOLD, SEVERAL, UNSOLVED, WAYS, look_at, velocity_after
+from wbc.mechanics.newton import HOLD, SEVERAL, UNSOLVED, WAYS, look_at, speeds_at
 from wbc.mechanics.rows import room_for, system_of
 from wbc.sim.step.self_locking import solve_rows
 from wbc.structures import stored
@@ -63,10 +63,12 @@ def _solved(
         return 0, UNSOLVED
     system = system_of(heap, matrix, lower, free, laws, targets, frictions, tangents)
     used, way = solve_rows(system, start, 1.0, found[0])
-    velocity_after(system, lower, free, found[0], velocity)
+    speeds_at(system, found[0], velocity, found[1])
+    rest_of_way(lower, velocity)
+    velocity += free
     room = room_for(system)
     look_at(system, HOLD, found[0], room)
-    found[1], found[2] = room.speed, np.abs(room.off)
+    found[2] = np.abs(room.off)
     return used, way
 
 

@@ -32,8 +32,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, inner
-from wbc.mechanics.linear import add_times, copy_to, dot, solve_inertia
-from wbc.mechanics.memory import copied_row, copied_table, row_of, table_of, whole_of
+from wbc.mechanics.linear import add_times, copy_to, dot, rest_of_way, solve_inertia
+from wbc.mechanics.memory import copied_row, copied_table, table_of, whole_of
 from wbc.mechanics.newton import (
     PASSIVE,
     SEVERAL,
@@ -41,7 +41,6 @@ from wbc.mechanics.newton import (
     residual,
     solve_system,
     speeds_at,
-    velocity_after,
 )
 from wbc.mechanics.rows import RowSystem, copied, own_speed
 from wbc.sim.step.part_rows import PartRows, part_system, rotor_brings
@@ -329,12 +328,11 @@ def solve_part(plant: Opened, rows: PartRows, speed: Row, work: float) -> int:
     Returns:
         what found it; UNSOLVED or more where nothing did.
     """
-    n, gears, heap = len(speed), plant.gears, plant.heap
+    gears, heap = plant.gears, plant.heap
     system, coupled = part_system(plant, rows), len(gears.coupling) > 0
     loose, soft = gears.loose and rows.step > 0.0, len(rows.depths) > 0
     laws, last, shifted = system.laws, copied_row(heap, speed), rows.free
-    tolerance, taken, last_x = system.tolerance, system, row_of(heap, n)
-    used, way, missed = 0, 0, 0.0
+    tolerance, taken, used, way, missed = system.tolerance, system, 0, 0, 0.0
     impulse, after, work_of = rows.impulse, plant.end.after, plant.end.work
     rounds = rounds_of(plant, len(gears.rows) if loose else 0)
     if coupled:
@@ -355,8 +353,9 @@ def solve_part(plant: Opened, rows: PartRows, speed: Row, work: float) -> int:
         else:
             more, way = solve_rows(taken, rows.start, work, impulse)
         used, missed = used + more, 0.0
-        velocity_after(system, rows.lower, shifted, impulse, after)
-        speeds_at(system, impulse, last_x, rows.speed)
+        speeds_at(system, impulse, after, rows.speed)
+        rest_of_way(rows.lower, after)
+        add_times(1.0, shifted, after)
         if way >= UNSOLVED or not (coupled or soft or loose):
             break
         copy_to(impulse, rows.start)
