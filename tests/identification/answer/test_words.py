@@ -145,8 +145,8 @@ def test_many_rivals_ask_for_few_motions() -> None:
     assert motions.count("; ") == 2
 
 
-def left(clue: str, elsewhere: str = "") -> Remainder:
-    return Remainder("knee", 1.0, "N m", 20.0, ((clue, 0.5),), elsewhere)
+def left(clue: str, elsewhere: str = "", memory: bool = False) -> Remainder:
+    return Remainder("knee", 1.0, "N m", 20.0, ((clue, 0.5),), elsewhere, memory)
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def left(clue: str, elsewhere: str = "") -> Remainder:
     [
         (left("acceleration"), "inertia of a link or rotor"),
         (left("load"), "centre of mass"),
-        (left("time since reversal"), "strokes of several sizes"),
+        (left("speed", memory=True), "strokes of several sizes"),
         (left("time"), "for several minutes"),
         (left("speed of hip", elsewhere="hip"), "Move hip alone while knee holds still"),
     ],
@@ -170,7 +170,7 @@ def test_what_is_left_says_what_to_record(remainder: Remainder, words: str) -> N
 
 
 def test_what_is_left_at_a_joint_without_a_motor_asks_for_no_motion_of_it() -> None:
-    left = Remainder("shoulder", 1.0, "N m", 58383.0, (("load", 0.5),), "elbow", False)
+    left = Remainder("shoulder", 1.0, "N m", 58383.0, (("load", 0.5),), "elbow", True, False)
     assert left.experiment.startswith("move elbow alone: what is left at shoulder")
     assert not replace(left, elsewhere="").experiment
     # A floor that cannot be is not counted in.

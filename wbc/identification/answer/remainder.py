@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -155,6 +156,7 @@ class Remainder:
         floors: the same in noise floors.
         clues: variables on which it depends, with shares of its variance, strongest first.
         elsewhere: the other joint whose motion it follows more than its own; empty if none.
+        memory: whether it builds up after every reversal.
         driven: whether a motor moves it.
     """
 
@@ -164,6 +166,7 @@ class Remainder:
     floors: float
     clues: tuple[tuple[str, float], ...]
     elsewhere: str
+    memory: bool = False
     driven: bool = True
 
     @property
@@ -171,7 +174,8 @@ class Remainder:
         """One sentence."""
         many = "more than 100" if self.floors > _MANY else plain(self.floors, 2)
         text = f"{self.output}: {self.size:.2g} {self.unit} left, {many} times the noise floor, "
-        return f"{text}{_follows(self.clues)}."
+        memory = ", builds up after every reversal (memory)" if self.memory else ""
+        return f"{text}{_follows(self.clues)}{memory}."
 
     @property
     def experiment(self) -> str:
@@ -182,6 +186,8 @@ class Remainder:
             return text.format(self.elsewhere, name)
         if not self.driven:
             return ""  # nobody holds it still, or turns it
+        if self.memory:
+            return _EXPERIMENTS["time since reversal"].format(name)
         known = [_EXPERIMENTS[clue] for clue, _ in self.clues if clue in _EXPERIMENTS]
         return known[0].format(name) if known else ""
 
@@ -195,6 +201,7 @@ def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
     """
     records = problem.records
     parts = [condensed_residual(fit.robot, [record]) for record in records]
+    given = np.split(problem.residual, np.cumsum([record.rows for record in records])[:-1])
     found = breakdowns(records, parts)
     result = []
     units = output_units(records[0].robot)
@@ -207,6 +214,8 @@ def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
         own = [b for b in found if b.output == name and b.share > _DEPENDS]
         other = _elsewhere(records, values, column, own)
         clues = [(b.variable, b.share) for b in (*own, *([other] if other else []))]
+        row = output_row(records[0].robot, column)
+        speeds = [record.thinned(record.motion.velocity[:, row]) for record in records]
         result.append(
             Remainder(
                 output=name,
@@ -215,6 +224,9 @@ def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
                 floors=size / floor,
                 clues=tuple(sorted(clues, key=lambda clue: -clue[1])[:FEW]),
                 elsewhere=other.variable.rpartition(" of ")[2] if other else "",
+                # Partial explanations blur the trace of a memory: the robot as given shows it, too.
+                memory=_memory(values, speeds)
+                or _memory([part[:, column] for part in given], speeds),
                 driven=output_gear(records[0].robot, column) is not None,
             )
         )
@@ -274,6 +286,24 @@ def _elsewhere(
             each.append(binned(output, name, "rad/s", speed, residual))
     least = max([_DEPENDS, *(b.share for b in own)])
     return max((b for b in each if b.share > least), key=lambda b: b.share, default=None)
+
+
+def _memory(values: Sequence[FloatArray], speeds: Sequence[FloatArray]) -> bool:
+    """Whether the residual changes gradually after reversals, as hysteresis does."""
+    early, late = [], []
+    for residual, speed in zip(values, speeds, strict=True):
+        sign = np.sign(speed)
+        toward = residual * sign
+        changed = np.flatnonzero(np.diff(sign) != 0.0) + 1
+        for start, stop in pairwise(changed):
+            third = (stop - start) // 3
+            if third >= 2:
+                early.append(float(np.mean(toward[start : start + third])))
+                late.append(float(np.mean(toward[stop - third : stop])))
+    if len(early) < 6:
+        return False
+    difference = np.array(late) - np.array(early)
+    return bool(difference.size * np.mean(difference) ** 2 > 4.0**2 * np.var(difference))
 
 
 @dataclass(frozen=True, eq=False)
