@@ -18,6 +18,7 @@ from wbc.sim.step import telling
 from wbc.sim.step.solution import MISSED, USED, WAY
 from wbc.sim.step.tables import BOOK, LENGTH, RESTITUTION, RETURN_SPEED, TIME, SimState
 
+_NONE = np.empty(0)
 _COARSE = "the step is too long: of {play:.3g} J that it moved, {size:.3g} J came from nowhere"
 _TEXTS = {
     telling.ENERGY: ("energy", "the step made {size:.3g} J ({cause})"),
@@ -144,23 +145,23 @@ class StepResult:
         """How many parts and impacts ended passively, without meeting all laws."""
         return sum(stage.missed > 0.0 for stage in self._stages)
 
-    @cached_property
+    @property
     def energy(self) -> EnergyFlow:
         """Work and losses."""
         flow = EnergyFlow._make(self.stages[-1, self.setup.cuts[-1]].tolist())
         return reduce(add, [part.in_effects for part in self.parts], flow) if self.acts else flow
 
-    @cached_property
+    @property
     def balance(self) -> EnergyAudit:
         """Work in, energy stored, losses, and what they do not close by."""
         before, after = (self.setup.survey(state)[0] for state in (self.start, self.state))
         return EnergyAudit(self.energy, after - before)
 
-    @cached_property
+    @property
     def events(self) -> tuple[StepEvent, ...]:
         """Energy that the step made, overlaps that are left; empty in a good step."""
         told, setup = np.empty((3 * len(self.stages), 4)), self.setup
-        flow = np.array(self.energy if self.acts else ())
+        flow = np.array(self.energy) if self.acts else _NONE
         count = telling.find_events(setup.plant, self.stages, flow, told)
         setup.heard()
         return tuple([self._event(*event) for event in told[:count].tolist()])
