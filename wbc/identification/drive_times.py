@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 
@@ -72,8 +71,10 @@ _REPEATS = 3e-3  # share of the times by which an estimate may differ from the l
 
 def prepared_with_times(
     robot: Robot, logs: Sequence[Log], found: Sequence[Effect] = ()
-) -> tuple[Robot, tuple[Record, ...]]:
+) -> tuple[Robot, tuple[Record, ...], bool]:
     """Return a robot whose drives have the times that logs of targets show, and its records.
+
+    Last comes whether the times repeat where they are estimated anew.
 
     Drives that report a torque stay as they are, and so does a robot that states such a time. A
     late target is, to first order, friction at every joint in proportion to its gain: which of the
@@ -88,7 +89,7 @@ def prepared_with_times(
     records = prepare(robot.without_effects().lossless(), logs)
     followed = np.any([record.followed for record in records], axis=0)
     if _states_times(robot) or not followed.any():
-        return robot, records
+        return robot, records, True
     has = np.tile(followed[:, None], (1, _TIMES))
     has[:, _LAG] &= np.nan_to_num(robot.transmission.velocity_gain) > 0.0
     several = [[k for k in range(_TIMES) if n >> k & 1] for n in range(2**_TIMES)]
@@ -96,9 +97,9 @@ def prepared_with_times(
     ways = [[free for free in chosen if (_LATE in free) == late] for late in (False, True)]
     known, loaded = _acting(robot, found)
     ends = [_repeated(robot, logs, records, has, way, known, loaded) for way in ways]
-    (_, robot, records), way = min(zip(ends, ways, strict=True), key=lambda end: end[0][0])
+    (_, robot, records, settled), way = min(zip(ends, ways, strict=True), key=lambda end: end[0][0])
     if found or not (loaded := _loaded(records, followed, way)):
-        return robot, records
+        return robot, records, settled
     return _repeated(robot, logs, records, has, way, known, loaded)[1:]
 
 
@@ -134,10 +135,10 @@ def differing_times(
     """
     if _states_times(given) or not np.any(_times_of(robot)):
         return None
-    other, records = prepared_with_times(given, logs, found)
+    other, records, settled = prepared_with_times(given, logs, found)
     before, after = _times_of(robot), _times_of(other)
     moved = np.max(np.abs(after - before)) > MISSED * np.max(before)
-    return (other, records) if moved else None
+    return (other, records) if settled and moved else None
 
 
 def _repeated(
@@ -148,8 +149,8 @@ def _repeated(
     chosen: Sequence[Sequence[int]],
     known: Sequence[Effect],
     loaded: Sequence[int],
-) -> tuple[float, Robot, tuple[Record, ...]]:
-    """Return the cost of times [nats], the robot with them, and its records.
+) -> tuple[float, Robot, tuple[Record, ...], bool]:
+    """Return the cost of times [nats], the robot with them, its records, and if they repeat.
 
     Args:
         robot, logs: as above.
@@ -162,15 +163,16 @@ def _repeated(
     times, followed = np.zeros(_TIMES), np.any(has, axis=1)
     for _ in range(_LINEARISED):
         before = times
-        squares, _ = _normal_equations(_Rows.of(records, followed, known), loaded)
+        squares, _ = _normal_equations(records, followed, loaded, known)
         cost, times = _cheapest(*squares, chosen)
         target, seen, lag = np.where(has, times, np.nan).T
         each = target + seen, seen, lag
         robot = robot.with_drive_times(dict(zip(DRIVE_TIMES, each, strict=True)))
-        if np.max(np.abs(times - before)) <= _REPEATS * np.max(times):
+        step = np.max(np.abs(times - before)) / np.max(times) if times.any() else 0.0
+        if step <= _REPEATS:
             break
         records = prepare(robot.without_effects().lossless(), logs)
-    return cost, robot, records
+    return cost, robot, records, bool(step <= MISSED)
 
 
 def _loaded(
@@ -183,9 +185,9 @@ def _loaded(
     stood for that.
     """
     each = [[], *([k] for k in range(len(records[0].robot.model.inertias) - 1))]
-    costs, rows = [], _Rows.of(records, followed)
+    costs = []
     for links in each:
-        squares, level = _normal_equations(rows, links)
+        squares, level = _normal_equations(records, followed, links)
         costs.append(level + _cheapest(*squares, chosen)[0] + _LINK * len(links))
     return each[int(np.argmin(costs))]
 
@@ -229,7 +231,7 @@ def on_time(
         missed = condensed_residual(links.with_effects(*known), records)
         missed = missed[:, : told.size][:, told]
         left.append(np.mean(missed**2, axis=0) + 1e-300)
-        squares, _ = _normal_equations(_Rows.of(records, told, known))
+        squares, _ = _normal_equations(records, told, known=known)
         alone, together = (_cheapest(*squares, [free], -np.inf) for free in ([], [_WHOLE]))
         if not lag and alone[0] <= together[0]:
             return list(logs), []
@@ -332,43 +334,19 @@ def _cheapest(
     return min(each, key=lambda one: one[0])
 
 
-class _Rows(NamedTuple):
-    """What is left of logs, and the columns of the times and of each joint's own numbers.
-
-    Attributes:
-        records: of the links alone.
-        followed: (m,) the joints.
-        residual: (rows, m) without what drives' times, as known, make.
-        columns: (rows, m, 12) those of `_columns`, and what the motion needs.
-    """
-
-    records: Sequence[Record]
-    followed: BoolArray
-    residual: FloatArray
-    columns: FloatArray
-
-    @classmethod
-    def of(
-        cls, records: Sequence[Record], followed: BoolArray, known: Sequence[Effect] = ()
-    ) -> _Rows:
-        """Return the rows beside causes that act."""
-        robot = records[0].robot.with_effects(*known)
-        size = robot.transmission.size
-        residual = condensed_residual(robot, records)[:, :size]
-        need = np.concatenate([reported_torque(r) for r in records])[:, :size] - residual
-        columns = np.concatenate([_columns(record)[:, :size] for record in records])
-        residual += np.einsum("rjk,jk->rj", columns[:, :, :_TIMES], _times_of(robot))
-        return cls(records, followed, residual, np.concatenate([columns, need[..., None]], axis=2))
-
-
 def _normal_equations(
-    rows: _Rows, loaded: Sequence[int] = ()
+    records: Sequence[Record],
+    followed: BoolArray,
+    loaded: Sequence[int] = (),
+    known: Sequence[Effect] = (),
 ) -> tuple[tuple[FloatArray, FloatArray], float]:
     """Return what every joint leaves with every choice of its own numbers.
 
     Args:
-        rows: of the logs.
+        records: of the links alone.
+        followed: (m,) the joints.
         loaded: links that need not be as drawn, with n numbers together.
+        known: causes that act.
 
     Returns:
         (joints, choices, 4 + n, 4 + n) squares of what is left and of the columns that all joints
@@ -377,8 +355,14 @@ def _normal_equations(
         (joints, choices, 4 + n) the viscous friction that each of these takes. Then half the
         logarithms of the variances, times samples [nats].
     """
-    records, followed, residual, column = rows
-    links = _of_links(records, loaded)
+    robot, links = records[0].robot.with_effects(*known), _of_links(records, loaded)
+    size = robot.transmission.size
+    residual = condensed_residual(robot, records)[:, :size]
+    need = np.concatenate([reported_torque(r) for r in records])[:, :size] - residual
+    column = np.concatenate([_columns(record)[:, :size] for record in records])
+    for k, times in enumerate(_times_of(robot).T):
+        residual += times * column[:, :, k]
+    column = np.concatenate([column, need[..., None]], axis=2)
     sums, friction, level = [], [], 0.0
     shared = 1 + _TIMES + links.shape[2]
     for k in np.flatnonzero(followed).tolist():

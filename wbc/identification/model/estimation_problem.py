@@ -131,7 +131,7 @@ class EstimationProblem:
         for piece in pieces:
             require_readable(robot, piece)
         pieces, late = _on_one_clock(robot, pieces)
-        robot, prepared = prepared_with_times(robot, pieces)
+        robot, prepared, _ = prepared_with_times(robot, pieces)
         warnings += [*late, *about_drive_times(robot)]
         warnings += unmeasured_forces(prepared, output_names(robot))
         warnings += [*standing_joints(prepared), *low_passed_torques(prepared)]
