@@ -121,12 +121,12 @@ def test_the_laws_hold_in_steps_of_any_length(play: float) -> None:
         np.testing.assert_allclose(rate, rates[0], rtol=1e-2, atol=1e-2 * np.abs(rates[0]).max())
 
 
-def test_flanks_that_do_not_settle_end_a_step_and_are_named() -> None:
-    """Such steps raised. Play of 0.1 to 100 mrad is crossed many times within one of them."""
+def test_flanks_that_are_crossed_many_times_within_a_step_are_met() -> None:
+    """Such steps raised, and ended passively later: play of 0.1 to 100 mrad in steps of 0.1 s."""
     rng = np.random.default_rng(199)
     sizes = 0.5 + 0.5 * rng.random(), 0.3 + 0.5 * rng.random(), rng.random()
     robot = softened(rng, random_robot(rng, BASES[1], *sizes, False))
-    plant, named = Plant(robot, Plane(height=-20.0)), 0
+    plant = Plant(robot, Plane(height=-20.0))
     state = plant.state(robot.neutral(), 3.0 * rng.normal(size=robot.model.nv))
     for tried in (1e-3, 1e-2, 0.1):  # the torques of the steps that failed
         now = state
@@ -134,8 +134,7 @@ def test_flanks_that_do_not_settle_end_a_step_and_are_named() -> None:
             torque = rng.normal(size=robot.transmission.size) * 10.0 ** rng.uniform(-2.0, 2.0)
             result = plant.step(now, torque, tried)
             now = result.state
-            named += any(event.kind == "unsettled" for event in result.events)
-    assert named > 0
+            assert result.unsettled == 0
 
 
 @pytest.mark.parametrize("seed", [90, 137, 178, 207])

@@ -12,9 +12,9 @@ from numba import types
 
 from wbc.arrays import FloatArray
 from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, compiled, inner
+from wbc.mechanics.laws import flank_impulse
 from wbc.mechanics.linear import dot, factor, solve_factored
 from wbc.structures import structured
-from wbc.transmission.flank_steps import flank_impulse
 
 _Cube = Annotated[FloatArray, types.Array(types.float64, 3, "C", readonly=True)]
 _OutCube = Annotated[FloatArray, types.Array(types.float64, 3, "C")]

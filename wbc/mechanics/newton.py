@@ -223,7 +223,8 @@ def newton(system: RowSystem, start: Row, firm: bool, impulse: OutRow) -> int:
         follow_tangents(system, room, impulse)
         worst, one_sided = look_at(system, hold, impulse, room)
         if worst <= system.tolerance:
-            if same_tangents(room):
+            # One more step is exact where tangents stay, and far nearer where flanks bend them.
+            if len(system.flanks) > 0 or same_tangents(room):
                 solve_tangents(system, one_sided, room, impulse)
                 follow_tangents(system, room, impulse)
             return iteration

@@ -9,23 +9,6 @@ About that point the law is linear: a tangent has the impulse `aim` at the prese
 with them by `rise`. Rows that hold have a small compliance about their present impulse, which
 chooses a split of forces that is left open, and carries nothing at a solution.
 
-Over a step a dissipative row (a gear, dry friction, or both in one row) with speed w after the step
-carries an impulse T (on the links, along the row). With s = sgn(w) and the gear's share
-T_g = T + s f + B w of the impulse:
-
-    w > 0:  M w + k T_g = up        k = 1/eta_f where s T_g > 0 (motor drives), eta_b otherwise
-    w < 0:  M w + k T_g = down
-    w = 0:  T anywhere between the two branches
-
-M is the reflected rotor inertia (plus the step's viscous share), up and down the impulse that the
-rotor brings along: motor impulse plus M w_before, less or plus the rotor's Coulomb impulse. For
-eta_f eta_b <= 1 the graph T(w) is non-increasing: a step is a convex program. Friction of a joint
-alone is the same law with M = up = down = 0 and both efficiencies one.
-
-A spring in series, T = p + s (w - W v), leaves a law of the same kind between T and u = W v. With
-s = 0 it is T = p: it is written so that a spring that hardly changes its impulse (a short step, a
-flank that is only just reached) is as regular as a stiff one.
-
 Limits and normals push but never pull: 0 <= p_n, u_n >= target, p_n (u_n - target) = 0. A contact's
 tangential impulse obeys Coulomb's law: |p_t| <= mu p_n, and where the point slides,
 p_t = -mu p_n u_t / |u_t|.
@@ -39,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Row, inner, local
+from wbc.mechanics.laws import STIFFNESS, element_meets, flank_meets
 from wbc.mechanics.linear import dot, halfway
 from wbc.mechanics.memory import (
     Heap,
@@ -64,6 +48,8 @@ class RowSystem(NamedTuple):
         slope: (r,) [impulse/speed] of the line on which each row meets its law.
         laws: (m, 9) per element up, down, inertia, 1/eta_f, eta_b, friction, damping, stiffness
             and preload of the spring in series.
+        flanks: (m + k, 9) of the elements and of the contacts, see `flank_meets`; of infinite
+            stiffness where nothing gives way, empty where nothing does anywhere.
         targets: (l + k,) lowest speeds of limits and normals.
         frictions: mu (k,) of the contacts.
         tangents: d per contact.
@@ -77,6 +63,7 @@ class RowSystem(NamedTuple):
     give: OutRow
     slope: OutRow
     laws: OutDense
+    flanks: OutDense
     targets: OutRow
     frictions: OutRow
     tangents: int
@@ -99,6 +86,7 @@ def system_of(
     lower: Dense,
     free: Row,
     laws: OutDense,
+    flanks: OutDense,
     targets: OutRow,
     frictions: OutRow,
     tangents: int,
@@ -113,7 +101,7 @@ def system_of(
         matrix: G.
         lower: L (n, n) with L' L = H_l.
         free: v (n,) without the rows.
-        laws, targets, frictions, tangents: see `RowSystem`.
+        laws, flanks, targets, frictions, tangents: see `RowSystem`.
     """
     size, ways, most, fastest = len(matrix), copied_table(heap, matrix), 0.0, 0.0
     own, speed, slope = row_of(heap, size), row_of(heap, size), row_of(heap, size)
@@ -134,8 +122,8 @@ def system_of(
             slope[i] = min(slope[i], 0.5 * laws[i, 2] / -laws[i, 4])
     give, tolerance = zeros_of(heap, size), TOLERANCE * (1.0 + fastest)
     system = RowSystem(
-        ways, own, speed, give, slope, laws, targets, frictions, tangents, tolerance, heap
-    )
+        ways, own, speed, give, slope, laws, flanks, targets, frictions, tangents, tolerance, heap
+    )  # fmt: skip
     found: RowSystem = kept(whole_of(heap, WORDS), system)
     return found
 
@@ -147,91 +135,11 @@ def copied(system: RowSystem, tolerance: float) -> RowSystem:
     other = RowSystem(
         system.ways, system.own, copied_row(heap, system.free), copied_row(heap, system.give),
         copied_row(heap, system.slope), copied_table(heap, system.laws),
-        copied_row(heap, system.targets), copied_row(heap, system.frictions),
+        system.flanks, copied_row(heap, system.targets), copied_row(heap, system.frictions),
         system.tangents, tolerance, heap,
     )  # fmt: skip
     found: RowSystem = kept(whole_of(heap, WORDS), other)
     return found
-
-
-@inner
-def branch_of(law: Row, point: float, slope: float) -> tuple[float, float, float]:
-    """Return sign, gain and bring of the branch on which a law meets the line T - slope w = point.
-
-    The sign is +1 turning forward, -1 backward, 0 stuck; the gain is k, the mesh input per output;
-    what is brought is `up` or `down`. The line meets the law of a self-locking row once if its
-    slope is below M/|eta_b|.
-
-    Args:
-        law: (9,) of an element.
-        point: [N m s].
-        slope: >= 0 [kg m^2].
-    """
-    up, down, inertia, inverse, backward = law[0], law[1], law[2], law[3], law[4]
-    load, resisting = point + law[5], law[6] + slope
-    if up > max(load * inverse, load * backward):
-        driving = inertia * load + resisting * up > 0.0
-        return 1.0, inverse if driving else backward, up
-    load = point - law[5]
-    if down < min(load * inverse, load * backward):
-        driving = -inertia * load - resisting * down > 0.0
-        return -1.0, inverse if driving else backward, down
-    return 0.0, 0.0, 0.0
-
-
-@inner
-def meeting_speed(law: Row, point: float, slope: float) -> float:
-    """Return w at which a law (9,) meets the line T - slope w = point."""
-    sign, gain, bring = branch_of(law, point, slope)
-    if sign == 0.0:
-        return 0.0
-    return float((bring - gain * (point + sign * law[5])) / (law[2] + gain * (law[6] + slope)))
-
-
-@inner
-def own_speed(law: Row, slope: float, impulse: float, speed: float) -> float:
-    """Return w of an element (9,) that carries an impulse T at u = W v.
-
-    Where there is a spring it follows from the law, not from the spring, whose impulse may hardly
-    depend on it.
-
-    Args:
-        law: (9,).
-        slope: of the line on which the row meets its law.
-        impulse: T.
-        speed: u.
-    """
-    if law[7] == np.inf:
-        return speed
-    give = 1.0 / (law[7] + slope)
-    point = give * (law[7] * (impulse - slope * speed) + slope * law[8])
-    return meeting_speed(law, point, law[7] * give * slope)
-
-
-@inner
-def element_meets(law: Row, own: float, about: float, speed: float) -> tuple[float, float]:
-    """Return where an element's law meets a row that gives way.
-
-    Args:
-        law: (9,) of the element.
-        own: compliance of the row.
-        about: impulse at which it is unloaded.
-        speed: u = W v there.
-
-    Returns:
-        the change of the impulse, and by how much it falls per speed.
-    """
-    slope, pull = 1.0 / own, 0.0
-    if law[7] < np.inf:
-        yields = 1.0 + law[7] * own
-        slope, pull = law[7] / yields, (law[8] - about) / yields
-    sign, gain, bring = branch_of(law, about + pull - slope * speed, slope)
-    if sign == 0.0:
-        return pull - slope * speed, slope
-    kept = law[2] + gain * law[6]
-    share = slope / (kept + gain * slope)
-    missing = bring - gain * (about + pull + sign * law[5]) - kept * speed
-    return pull + share * missing, share * kept
 
 
 @structured
@@ -330,6 +238,29 @@ def friction_tangent(
 
 
 @inner
+def element_tangent(
+    system: RowSystem, hold: float, row: int, flank: int, law: OutRow, impulse: Row, room: Room
+) -> float:
+    """Write the tangent of a row on the law (9,) of an element; return the impulse that it meets.
+
+    Args:
+        system, hold, impulse, room: see `tangents_at`.
+        row: its number.
+        flank: number of its flanks, where there are any.
+        law: of the element.
+    """
+    own, about, speed = 1.0 / system.slope[row], impulse[row], room.speed[row]
+    if len(system.flanks) > 0:
+        change, fall = flank_meets(law, system.flanks[flank], own, about, speed)
+    else:
+        change, fall = element_meets(law, own, about, speed)
+    room.off[row] = own * change
+    kept = 1.0 - fall * (own - hold * system.own[row] - system.give[row])
+    room.aim[row], room.rise[row, 0] = about + change / kept, fall / kept
+    return float(about + change)
+
+
+@inner
 def tangents_at(system: RowSystem, hold: float, impulse: Row, room: Room) -> tuple[float, bool]:
     """Write the tangents of the laws where the lines of `slope` through (speed, impulse) meet them.
 
@@ -345,23 +276,22 @@ def tangents_at(system: RowSystem, hold: float, impulse: Row, room: Room) -> tup
     """
     targets, contacts, one_sided = system.targets, len(system.frictions), False
     m, count, aim, rise, off = len(system.laws), len(targets), room.aim, room.rise, room.off
-    speed = room.speed
-    rise[:] = 0.0
+    speed, flanks, locked = room.speed, system.flanks, local(9)
+    rise[:], locked[:] = 0.0, 0.0  # the ground stands still, whatever it carries
+    locked[0], locked[1] = -np.inf, np.inf
     for i in range(m):
-        own = 1.0 / system.slope[i]
-        change, fall = element_meets(system.laws[i], own, impulse[i], speed[i])
-        off[i] = own * change
-        kept = 1.0 - fall * (own - hold * system.own[i] - system.give[i])
-        aim[i], rise[i, 0] = impulse[i] + change / kept, fall / kept
+        element_tangent(system, hold, i, i, system.laws[i], impulse, room)
     for i in range(m, m + count):
         short = targets[i - m] - speed[i]
         push = impulse[i] + system.slope[i] * short
-        if push > 0.0:
+        contact = i - m - count + contacts
+        if contact >= 0 and len(flanks) > 0 and flanks[m + contact, STIFFNESS] < np.inf:
+            push = element_tangent(system, hold, i, m + contact, locked, impulse, room)
+        elif push > 0.0:
             off[i], rise[i, 0] = short, 1.0 / (hold * system.own[i] + system.give[i])
             aim[i] = impulse[i] + rise[i, 0] * short
         else:
             off[i], aim[i] = -impulse[i] / system.slope[i], 0.0
-        contact = i - m - count + contacts
         if contact >= 0:
             falls = friction_tangent(system, hold, contact, push, impulse, room)
             one_sided = one_sided or falls

@@ -28,7 +28,7 @@ MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatAr
 
 @dataclass(frozen=True)
 class HuntCrossley(Ranged):
-    """Hunt and Crossley's compliant contact, F = K d^(3/2) (1 + 3/2 a d') (`sim/step/solution`).
+    """Hunt and Crossley's compliant contact, F = K d^(3/2) (1 + 3/2 a d') (`mechanics/laws`).
 
     A body that arrives at a low speed v leaves at about (1 - a v) v.
 

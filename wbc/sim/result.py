@@ -26,8 +26,8 @@ _TEXTS = {
     telling.TAKEN_BACK: ("coarse", f"{_COARSE} and were taken from its speeds; shorten dt"),
     telling.UNSETTLED: (
         "unsettled",
-        "laws are missed by {size:.3g} m/s (rad/s): the budget of work ended before friction, "
-        "flanks, soft contacts or coupled rotors met them; a shorter dt may",
+        "laws are missed by {size:.3g} m/s (rad/s): the budget of work ended before friction or "
+        "coupled rotors met them; a shorter dt may",
     ),
     telling.OVERLAP: (
         "overlap",
@@ -52,7 +52,7 @@ class StepEvent:
             play, or more energy was stored at its end than it was given, or that was taken from
             speeds that no law bounds (`sim/step/books`). A shorter step mends it.
             "unsettled": the budget of work ended before all laws were met. Friction is that of the
-            impulses found so far, or flanks, soft contacts or coupled rotors are not settled.
+            impulses found so far, or coupled rotors are not settled.
             "overlap": a barrier was overrun further than one step takes back, see `return_speed`.
             "sunk": a joint of a robot with a free base is under the ground, because its link has
             no contact there. Of ground that only Python knows nothing is said.

@@ -33,7 +33,7 @@ from wbc.effects.tables import (
 )
 from wbc.errors import LogError, RobotError
 from wbc.measurement import Log, Machine
-from wbc.mechanics.rows import meeting_speed
+from wbc.mechanics.laws import meeting_speed
 from wbc.robot import Robot, state_gear
 from wbc.structures import stored, structured
 

@@ -61,7 +61,9 @@ def _solved(
     lower = np.empty(inertia.shape)
     if not factor_inertia(inertia, lower):
         return 0, UNSOLVED
-    system = system_of(heap, matrix, lower, free, laws, targets, frictions, tangents)
+    system = system_of(
+        heap, matrix, lower, free, laws, np.empty((0, 9)), targets, frictions, tangents
+    )
     used, way = solve_rows(system, start, 1.0, found[0])
     speeds_at(system, found[0], velocity, found[1])
     rest_of_way(lower, velocity)

@@ -15,13 +15,13 @@ import numpy as np
 
 from wbc.compiled import OutRow, Row, compiled, inner, local
 from wbc.mechanics.inertia import momentum_of, motion_at
+from wbc.mechanics.laws import PLACE, STIFFNESS, passed_by, place_after, stored_at
 from wbc.mechanics.linear import dot
 from wbc.mechanics.memory import row_of, table_of
 from wbc.mechanics.rows import TOLERANCE
 from wbc.sim.step.contacts import put, solid_gap, touch_ground
 from wbc.sim.step.motion import look, set_momentum
 from wbc.sim.step.part_rows import PartRows, motor_speeds, rotor_energy
-from wbc.sim.step.solution import stored_at
 from wbc.sim.step.tables import BOOK, HERTZ, Gears, Opened
 
 MADE = 5e-5
@@ -65,7 +65,8 @@ def loose_losses(plant: Opened, rows: PartRows, which: int, lost: float) -> tupl
     if gears.stiffness[which] < np.inf:
         place = plant.now.deflection[which]
         there = place + 0.5 * step * (rate + end)
-        damped += 0.5 * rows.damped[which] * (end - rate) + spring_energy(gears, which, place)
+        _, _, beside = passed_by(rows.flanks[which], end)
+        damped += 0.5 * beside * (end - rate) + spring_energy(gears, which, place)
         return lost, damped - spring_energy(gears, which, there)
     if rows.laws[which, 7] == 0.0:
         return lost, 0.0
@@ -102,12 +103,12 @@ def book_gears(plant: Opened, rows: PartRows) -> None:
 
 
 @inner
-def soft_loss(plant: Opened, rows: PartRows, contact: int) -> float:
+def soft_loss(rows: PartRows, contact: int) -> float:
     """Return what a compliant contact loses: what its spring does not take, at the final speed."""
-    stiffness, before = plant.bounds[HERTZ], rows.depths[contact, 0]
     row = len(rows.laws) + len(rows.targets) - len(rows.frictions) + contact
-    after = rows.depths[contact, 1] - 0.5 * rows.step * rows.speed[row]
-    taken = stored_at(stiffness, after) - stored_at(stiffness, before)
+    flank = rows.flanks[len(rows.laws) + contact]
+    before, after = flank[PLACE], place_after(flank, -rows.speed[row])
+    taken = stored_at(flank[STIFFNESS], after) - stored_at(flank[STIFFNESS], before)
     return float(rows.impulse[row] / rows.step * (after - before) - taken)
 
 
@@ -116,15 +117,15 @@ def book_barriers(plant: Opened, rows: PartRows) -> None:
     """Write what contacts and stops lose, and what one of them made at most."""
     books, speed, d = plant.end.books, plant.end.speed, plant.obstacles.tangents
     elements, both = len(rows.laws), len(rows.targets)
-    contacts = elements + both - len(rows.frictions)
+    contacts, soft = elements + both - len(rows.frictions), plant.bounds[HERTZ] > 0.0
     for i in range(elements, len(rows.impulse)):
         push, made = rows.impulse[i], rows.impulse[i] * rows.speed[i]
         if i >= elements + both:
             books[BOOK.contact] -= made
             continue
         contact = i - contacts
-        if len(rows.depths) and contact >= 0:
-            books[BOOK.contact] += soft_loss(plant, rows, contact)
+        if soft and contact >= 0:
+            books[BOOK.contact] += soft_loss(rows, contact)
             continue
         for a in range(d if contact >= 0 else 0):
             along = elements + both + contact * d + a

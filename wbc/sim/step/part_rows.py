@@ -18,11 +18,22 @@ from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, Row, inner
 from wbc.effects.tables import fill_delivered, fill_joint_torques, near_rest
 from wbc.mechanics.inertia import move_bodies, part_on_joints
 from wbc.mechanics.kinematics import JOINT
+from wbc.mechanics.laws import (
+    DAMPING,
+    END,
+    HALF,
+    LATE,
+    LATE_DAMPING,
+    PLACE,
+    RATE,
+    STEP,
+    STIFFNESS,
+)
 from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, solve_inertia
 from wbc.mechanics.memory import copied_row, reserve, row_of, table_of, whole_of, zeros_of
 from wbc.mechanics.rows import RowSystem, system_of
 from wbc.sim.step.contacts import barrier_rows, gaps_at, lowest_speeds
-from wbc.sim.step.tables import HERTZ, Gears, Opened
+from wbc.sim.step.tables import DISSIPATION, HERTZ, Gears, Opened
 from wbc.structures import WORDS, kept, structured
 
 
@@ -42,11 +53,10 @@ class PartRows(NamedTuple):
         places: (r,) of the rows among the impulses that a state keeps.
         motor: (m,) speeds of the motor outputs before.
         relative: (m,) the same less those of the joints.
-        depths: (k, 2) of compliant contacts at the start and in the middle; empty for rigid ones.
+        flanks: (m + a + k, 9) see `RowSystem`; empty where nothing gives way.
         start: (r,) impulses from which the solution starts.
         impulse, speed: (r,) at which the rows end.
         end: (m,) relative speeds of the motor outputs then.
-        damped: (m,) what soft gears pass beside their springs [N m s].
         step: h [s], zero for an impact.
     """
 
@@ -61,12 +71,11 @@ class PartRows(NamedTuple):
     places: OutPlaces
     motor: OutRow
     relative: OutRow
-    depths: OutDense
+    flanks: OutDense
     start: OutRow
     impulse: OutRow
     speed: OutRow
     end: OutRow
-    damped: OutRow
     step: float
 
 
@@ -167,15 +176,15 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
         both, touching = both + closed[i], touching + (closed[i] and i >= limits)
     elements = m + rubbing
     total = elements + both + d * touching
-    soft = touching if plant.bounds[HERTZ] > 0.0 else 0
+    yields = step > 0.0 and (gears.loose or plant.bounds[HERTZ] > 0.0)
     count = n + m + len(plant.tree.joints)
     reserve(heap, (total + n) * (2 * n + 150) + 100 * count + 20 * WORDS)
     found = PartRows(
         table_of(heap, total, n), table_of(heap, n, n), table_of(heap, elements, 9),
         zeros_of(heap, both), row_of(heap, touching), copied_row(heap, v),
         table_of(heap, touching * (1 + d), 3), whole_of(heap, both), whole_of(heap, total),
-        row_of(heap, m), zeros_of(heap, m), table_of(heap, soft, 2), zeros_of(heap, total),
-        zeros_of(heap, total), row_of(heap, total), zeros_of(heap, m), zeros_of(heap, m), step,
+        row_of(heap, m), zeros_of(heap, m), table_of(heap, elements + touching if yields else 0, 9),
+        zeros_of(heap, total), zeros_of(heap, total), row_of(heap, total), zeros_of(heap, m), step,
     )  # fmt: skip
     rows: PartRows = kept(whole_of(heap, WORDS), found)
     rows.laws[:], row = 0.0, 0
@@ -198,6 +207,31 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
     if not factor_inertia(plant.placed.inertia, rows.lower):
         rows.lower[0, 0] = np.nan
     return rows
+
+
+@inner
+def flanks_of(plant: Opened, rows: PartRows) -> None:
+    """Write the flanks of loose gears and of compliant contacts, see `RowSystem`.
+
+    Springs of gears take the chord of their energy (theta 1/2), dampers the final speed
+    (theta_c 1). A search begins where the contacts are deepest.
+    """
+    gears, flanks, step = plant.gears, rows.flanks, rows.step
+    elements, limits = len(rows.laws), len(rows.targets) - len(rows.frictions)
+    flanks[:] = 0.0
+    flanks[:, STIFFNESS] = np.inf
+    for i in range(len(flanks)):
+        own, row = flanks[i], limits + i
+        own[STEP], own[LATE], own[LATE_DAMPING] = step, 0.5, 1.0
+        if i < len(gears.rows) and gears.yields[i]:
+            own[STIFFNESS], own[DAMPING] = gears.stiffness[i], gears.damping[i]
+            own[HALF], own[PLACE] = 0.5 * gears.play[i], plant.now.deflection[i]
+            own[RATE] = own[END] = rows.relative[i]
+        elif i >= elements and plant.bounds[HERTZ] > 0.0:
+            own[STIFFNESS], own[DAMPING] = plant.bounds[HERTZ], plant.bounds[DISSIPATION]
+            own[HALF], own[RATE] = -1.0, -dot(plant.end.speed, rows.matrix[row])
+            own[PLACE] = -plant.end.gap[rows.held[row - elements]] - 0.5 * step * own[RATE]
+            own[END] = -dot(rows.free, rows.matrix[row])
 
 
 @inner
@@ -231,12 +265,9 @@ def rows_of(plant: Opened, step: float) -> PartRows:
             law, rows.matrix[row], rows.places[row] = rows.laws[row], 0.0, len(gears.rows) + c
             rows.matrix[row, c] = law[3] = law[4] = 1.0
             law[5], law[7], row = step * dry[c], np.inf, row + 1
-    contacts = len(rows.targets) - len(rows.frictions)
     lowest_speeds(plant, rows.held, step, rows.matrix[row:], rows.targets)
-    for c in range(len(rows.depths)):
-        opens = dot(end.speed, rows.matrix[row + contacts + c])
-        gap = end.gap[rows.held[contacts + c]]
-        rows.depths[c, 0], rows.depths[c, 1] = 0.5 * step * opens - gap, -gap
+    if len(rows.flanks) > 0:
+        flanks_of(plant, rows)
     return rows
 
 
@@ -264,5 +295,6 @@ def part_system(plant: Opened, rows: PartRows) -> RowSystem:
     """Return what a part is to its rows."""
     tangents, heap = plant.obstacles.tangents, plant.heap
     return system_of(
-        heap, rows.matrix, rows.lower, rows.free, rows.laws, rows.targets, rows.frictions, tangents
-    )
+        heap, rows.matrix, rows.lower, rows.free, rows.laws, rows.flanks, rows.targets,
+        rows.frictions, tangents,
+    )  # fmt: skip
