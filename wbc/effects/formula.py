@@ -153,6 +153,26 @@ class TorqueTerm:
         bottom = below[0] if len(below) == 1 else f"({' '.join(below)})"
         return f"{' '.join(above) or '1'}/{bottom}"
 
+    def complexity(self, joint: str) -> float:
+        """Return how much one is asked to believe who did not know this term before [nats].
+
+        One of all kinds of factors, and more for each of them, for motion of other joints than the
+        one on which it acts, for friction that turns round with a position or load, and most for
+        what a controller cannot know.
+        """
+        powers = [factor for factor in self.factors if factor.shape == "power"]
+        dry = any(factor.shape == "sign" for factor in self.factors)
+        turning = dry and any(factor.number % 2 == 1 for factor in powers)
+        return (
+            float(np.log(len(_SHAPES) * len(_DIMENSION)))
+            + len(self.factors)
+            + 0.5 * sum(factor.number - 1.0 for factor in powers)
+            + 0.1 * sum(factor.shape in ("sin", "cos", "size") for factor in self.factors)
+            + 0.3 * turning
+            + sum(other != joint for other in self.joints)
+            + 3.0 * self.needs_acceleration
+        )
+
     def direction_of(self, joint: str) -> Factor | None:
         """Return the factor sign(v) of that joint, None where it has none."""
         own = [f for f in self.factors if f.shape == "sign" and f.joint == joint]
@@ -244,8 +264,11 @@ class CustomTorque(JointEffect):
         "Move only the joints in the formula, one at a time, over a wider range of position and "
         "speed than before, and see whether the formula still holds."
     )
-    # None: formulas are searched for on their own, not beside named causes.
-    search = SearchOffer(screens=lambda *_: ())
+    # No screens: formulas are searched for on their own, not beside named causes.
+    search = SearchOffer(
+        screens=lambda *_: (),
+        freedom=lambda effect: sum(1.0 + term.complexity(effect.where) for term in effect.terms),
+    )
 
     def __post_init__(self) -> None:
         """Check the terms and give every coefficient its name."""

@@ -218,7 +218,7 @@ _FORWARD, _BACKWARD = (p.usual for p in TransmissionEfficiency.parameters)
 _LOAD_SHARES = (0.012, 0.04, 0.13)  # of the travel; a fit goes on between them
 
 
-def _load_freedom(effect: LoadPresliding) -> int:
+def _load_freedom(effect: LoadPresliding) -> float:
     """The length, and the numbers that the efficiencies are."""
     return 1 + TransmissionEfficiency.search.freedom(effect._efficiencies)
 

@@ -323,7 +323,7 @@ class SearchOffer:
             deviations (default: none). A fit counts half their squares beside what the logs say
             [nats]: what logs do not tell stays usual. Zero where the effect is not there.
         freedom: (effect) -> how many numbers had to be chosen to describe it; fewer are believed
-            more easily.
+            more easily. A choice of one in n counts log n.
         quantities: (effect, robot without it) -> the numbers that a person can check, where the
             parameters are not them.
         remarks: (effect, robot without it) -> sentences on what these numbers mean on the robot.
@@ -340,7 +340,7 @@ class SearchOffer:
         usual_cost(effect)
     )
     departures: Callable[[Any], FloatArray] = lambda effect: _NONE
-    freedom: Callable[[Any], int] = lambda effect: len(effect.parameters)
+    freedom: Callable[[Any], float] = lambda effect: len(effect.parameters)
     quantities: Callable[[Any, Robot], Mapping[str, Quantity]] = lambda effect, robot: {}
     remarks: Callable[[Any, Robot], tuple[str, ...]] = lambda effect, robot: ()
 

@@ -7,7 +7,6 @@ Lagrange's equations ask for, with no code of the library, plus what the added t
 import json
 import re
 from collections.abc import Callable
-from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,12 +17,10 @@ from tests.conftest import Told
 from tests.outside import outside, recorded
 from tests.recover.plant import JOINTS, RATIO, REFLECTED, Flaws, Lane
 from wbc import load_robot
-from wbc.effects import CoulombFriction, PayloadMass, TorqueOffset, TorqueTerm, ViscousFriction
+from wbc.effects import CoulombFriction, PayloadMass, TorqueOffset, ViscousFriction
 from wbc.errors import LogError
 from wbc.identification import compare, diagnose
 from wbc.identification.formulas import discover
-from wbc.identification.formulas.formula import SparseRegression
-from wbc.identification.formulas.term_table import TermTable
 from wbc.measurement import Log, load_logs, save_log
 
 
@@ -265,27 +262,3 @@ def test_a_double_pendulum_on_trajectories_that_nobody_fitted() -> None:
         # Published, from other logs: 1.57 * 0.093 and 1.57 * 0.078 N m.
         assert dry == pytest.approx(-0.14, rel=0.25)
     assert compare(found.robot, given[1::4]).error < 0.6 * compare(arm, given[1::4]).error
-
-
-def test_the_path_holds_the_best_subsets_of_all() -> None:
-    random, shape = np.random.default_rng(90), (24, 50, 14)  # cells, rows, terms
-    columns = random.normal(size=shape) + 1.5 * random.normal(size=(*shape[:2], 1))
-    residual = random.normal(size=shape[:2]) + columns[..., :4] @ random.normal(size=4)
-    table = TermTable(
-        joint="a",
-        terms=tuple(TorqueTerm.parse(f"sin({k + 1} q_a)") for k in range(shape[2])),
-        gram=np.einsum("cni,cnj->cij", columns, columns),
-        moment=np.einsum("cni,cn->ci", columns, residual),
-        energy=(residual**2).sum(axis=1),
-        count=np.full(shape[0], float(shape[1])),
-        folds=np.arange(shape[0]) // 6,
-        blocks=np.arange(shape[0]),
-        levels=np.zeros((shape[0] * shape[1], shape[2])),
-    )
-    regression = SparseRegression(table, np.ones(shape[0], dtype=bool))
-    path = regression.path(3)
-    assert [len(support.chosen) for support in path] == [0, 1, 2, 3]
-    for support in path[1:]:
-        every = combinations(range(shape[2]), len(support.chosen))
-        lowest = min(regression.fitted(chosen).loss for chosen in every)
-        assert support.loss == pytest.approx(lowest, rel=1e-9)
