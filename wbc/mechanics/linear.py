@@ -158,6 +158,26 @@ def factor_inertia(inertia: Dense, lower: OutDense) -> bool:
 
 
 @inner
+def update_inertia(lower: OutDense, share: float, row: OutRow) -> bool:
+    """Change the factors to those of L' L + share row row', and the row (n,); False as above."""
+    for k in range(len(row) - 1, -1, -1):
+        if row[k] == 0.0:
+            continue
+        along = row[k] * lower[k, k]
+        grown = 1.0 + share * along * along
+        if not grown > 0.0:
+            return False
+        root = np.sqrt(grown)
+        more = share * along / root
+        lower[k, k] /= root
+        for j in range(k):
+            row[j] -= along * lower[k, j]
+            lower[k, j] = root * lower[k, j] + more * row[j]
+        share /= grown
+    return True
+
+
+@inner
 def halfway(lower: Dense, right: OutRow) -> None:
     """Replace a row (n,) by L'^-1 of it; the products of such rows are those of H^-1."""
     for i in range(len(lower) - 1, -1, -1):

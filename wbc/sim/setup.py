@@ -171,7 +171,7 @@ class Setup:
             told = told._replace(asked=self._address(self._ask_ground))
         rows = m + nv + size + told.tangents * len(told.touch)
         pushes = 3 * (barriers.points + len(barriers.pairs))
-        end = m, rows, size, nv, m, m, 2, pushes, 18, 3, nq, nv, nv, nq, nv, m, size, nv, size
+        end = m, size, nv, m, m, 2, pushes, 18, 3, nq, nv, nv, rows, nq, nv, m, size, nv, size
         now, now_kind = _memory(tables.Now, 3, nq, nv, rows, m, m, m, 13, *[size] * 3)
         self.closed_at = now_kind.fields["closed"][1]
         begin = [now_kind.fields[name][1] // 8 for name in now_kind.names[:9]]

@@ -191,13 +191,15 @@ def begin_step(
     """
     now, forces, good = plant.now, plant.forces, True
     known = len(closed) == len(now.closed)
-    now.impulse[:], now.deflection[:], now.flow[:] = 0.0, 0.0, 0.0
+    now.deflection[:], now.flow[:] = 0.0, 0.0
     now.numbers[STAGE] = 0.0
     read(q, now.position)
     read(v, now.velocity)
     read(deflection, now.deflection)
     if len(impulse) == len(now.impulse):
         copy_to(impulse, now.impulse)
+    else:
+        now.impulse[:] = 0.0
     for i in range(len(torque)):
         now.motor_speed[i] = speed[i] if len(speed) else dot(now.velocity, plant.gears.rows[i])
         good = good and bool(np.isfinite(torque[i]))

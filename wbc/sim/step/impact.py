@@ -175,7 +175,7 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
     found[BOOK.kinetic] = kinetic_of(plant, v, rows.motor)
     work = 1.0 if found[BOOK.share] == 0.0 else _SHARE_OF_WORK
     way = solve_part(plant, rows, v, work)
-    copy_to(rows.impulse, end.impulse)
+    copy_to(rows.impulse[: len(gears.rows)], end.mesh_impulse)
     if way >= UNSOLVED:
         return HIT
     following = copied_row(plant.heap, rows.motor)

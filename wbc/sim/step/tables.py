@@ -276,11 +276,9 @@ class Ending(NamedTuple):
 
     Attributes:
         motor_speed: (m,) of the motor outputs at the end.
-        impulse: * of the rows, in the layout in which a state keeps them; of an impact one after
-            the other.
         gap: * (2 j + c,).
         after: * v (nv,) at the middle, after forces and impulses.
-        mesh_impulse: T (m,) [N m s].
+        mesh_impulse: * T (m,) [N m s].
         torque: (m,) [N m] that drives delivered on the rotors.
         deepest: (2,) greatest depth that is left to take back, and the number of its barrier.
         pushes: * (3 (k + p),) impulses [N s] on contact points, and on the first hull of each
@@ -290,6 +288,7 @@ class Ending(NamedTuple):
         before, speed: q (nq,), v (nv,) in the middle, before forces and impulses.
         force: (nv,) generalised forces in the middle, of effects and from outside.
         words: all of this in one; what follows is not kept of a stage.
+        impulse: of the rows, in the layout in which a state keeps them.
         position, velocity: q (nq,), v (nv,) at the end.
         deflection: (m,) [rad] of the motor outputs ahead of the joints.
         rate: (2 j + c,) at which closed contacts opened at the start.
@@ -302,7 +301,6 @@ class Ending(NamedTuple):
     """
 
     motor_speed: OutRow
-    impulse: OutRow
     gap: OutRow
     after: OutRow
     mesh_impulse: OutRow
@@ -315,6 +313,7 @@ class Ending(NamedTuple):
     speed: OutRow
     force: OutRow
     words: OutRow
+    impulse: OutRow
     position: OutRow
     velocity: OutRow
     deflection: OutRow
