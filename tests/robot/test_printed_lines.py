@@ -12,7 +12,7 @@ from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import WbcError
 from wbc.identification import compare
 from wbc.identification.readings import check_log
-from wbc.identification.records.channels import rotor_torques
+from wbc.identification.records.drives import drive_torques
 from wbc.measurement import Log
 from wbc.robot import Robot
 
@@ -40,7 +40,7 @@ def log_of(**channels: float) -> Log:
 
 
 def torques(log: Log) -> Callable[[Robot], object]:
-    return lambda robot: rotor_torques(log, robot.transmission)
+    return lambda robot: drive_torques(log, robot.transmission).torque
 
 
 def checked(log: Log) -> Callable[[Robot], object]:

@@ -15,7 +15,8 @@ from wbc.dynamics import contact_torque
 from wbc.errors import LogError, SimulationError
 from wbc.files import as_json
 from wbc.identification.answer.shown import told
-from wbc.identification.records.channels import contact_forces, drive_law
+from wbc.identification.records.channels import contact_forces
+from wbc.identification.records.drives import drive_law
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
 from wbc.measurement import Log, cut_at_gaps

@@ -17,13 +17,8 @@ from wbc.errors import LogError, ViewError
 from wbc.identification.choice.candidate_columns import evidence
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.readings.checks import require_readable
-from wbc.identification.records.channels import (
-    contact_forces,
-    positions,
-    reported_share,
-    torque_sources,
-    velocities,
-)
+from wbc.identification.records.channels import contact_forces, positions, velocities
+from wbc.identification.records.drives import reported_share, torque_sources
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
 from wbc.measurement import Log

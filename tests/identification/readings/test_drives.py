@@ -10,7 +10,7 @@ from wbc.effects import CoulombFriction, GravityDirection, PayloadMass, load_rob
 from wbc.errors import LogError, TransmissionError
 from wbc.identification import compare, diagnose
 from wbc.identification.readings import check_robot, with_machine
-from wbc.identification.records.channels import feedback_torques, rotor_torques
+from wbc.identification.records.drives import drive_torques
 from wbc.measurement import Log, LogSource
 from wbc.transmission import Transmission
 
@@ -25,12 +25,12 @@ def test_every_way_a_drive_reports_torque_ends_on_the_rotor() -> None:
     log = Log(time, columns, LogSource(ignored=("tau_x",)))
     ratios, joints = np.array([20.0, -6.0, 9.0]), ("a", "b", "c")
     gears = Transmission(joints, ratios, np.zeros(3), torque_constant=constants)
-    np.testing.assert_allclose(rotor_torques(log, gears)[2], [2.0, -2.0 / 6.0, 0.2])
+    np.testing.assert_allclose(drive_torques(log, gears).torque[2], [2.0, -2.0 / 6.0, 0.2])
     with pytest.raises(LogError, match=r"needs torque_constant.* below \[gears\.c\]"):
-        rotor_torques(log, gears.replace(torque_constant=np.full(3, np.nan)))
+        drive_torques(log, gears.replace(torque_constant=np.full(3, np.nan)))
     more = Transmission(("a", "d"), np.ones(2), np.zeros(2))
     with pytest.raises(LogError, match=r"'d\.motor_torque'.*tau_x"):
-        rotor_torques(log, more)
+        drive_torques(log, more)
 
 
 def saturating(released: float = np.inf) -> Log:
@@ -46,21 +46,20 @@ def test_a_target_and_a_duty_law_make_the_torque_of_the_winding() -> None:
     duty = np.clip(wanted, -1.0, 1.0)
     assert (np.abs(duty) == 1.0).any()
     expected = KT * (SUPPLY * duty - KT * speed) / RESISTANCE
-    torque = rotor_torques(log, gears)
+    torque = drive_torques(log, gears).torque
     np.testing.assert_allclose(torque[:, 0], expected, atol=1e-12)
     # A recorded duty needs no gain, and a recorded voltage stands before that of the robot.
     told = log.with_columns({"shaft.duty": duty, "shaft.voltage": np.full(len(log), SUPPLY)})
     bare = gears.replace(duty_gain=np.array([np.nan]), supply_voltage=np.array([np.nan]))
-    np.testing.assert_allclose(rotor_torques(told, bare)[:, 0], expected, atol=1e-12)
+    np.testing.assert_allclose(drive_torques(told, bare).torque[:, 0], expected, atol=1e-12)
     # Only what follows the target is no feedback.
-    feedback = feedback_torques(log, gears)
-    assert feedback is not None
+    feedback = drive_torques(log, gears).feedback
     told_duty = np.where(np.abs(wanted) < 1.0, GAIN * target, np.sign(wanted))
     late = KT * SUPPLY / RESISTANCE * told_duty
     np.testing.assert_allclose((torque - feedback)[:, 0], late, atol=1e-12)
     # A released drive gives no torque.
     log = saturating(released=3.0)
-    torque = rotor_torques(log, gears)[:, 0]
+    torque = drive_torques(log, gears).torque[:, 0]
     assert np.all(torque[log.time > 3.0] == 0.0)
     assert np.std(torque[log.time < 3.0]) > 0.1
 
@@ -70,7 +69,7 @@ def test_what_a_duty_law_lacks_is_said() -> None:
     assert not check_robot(log, servo(GAIN))
     assert {f.kind for f in check_robot(log, plain)} == {"no_drive_gains"}
     with pytest.raises(LogError, match=r"needs supply_voltage(?s:.*)\[gears\.shaft\]"):
-        rotor_torques(log, gears.replace(supply_voltage=np.array([np.nan])))
+        drive_torques(log, gears.replace(supply_voltage=np.array([np.nan])))
     with pytest.raises(TransmissionError, match="duty_gain"):
         plain.with_transmission(gears.replace(duty_gain=np.array([-1.0])))
 

@@ -220,7 +220,7 @@ def away(force: np.ndarray, band: Bandwidth = BAND) -> np.ndarray:
     columns = {f"{j}.position": 0.1 * wave for j in FLOATING.single_joints}
     columns |= {f"{j}.rotor_torque": 0.1 * wave for j in FLOATING.transmission.joints}
     columns |= {"foot.force.x": 0.0 * wave, "foot.force.y": 0.0 * wave, "foot.force.z": force}
-    return away_from_impacts(FLOATING, read_channels(FLOATING, Log(time, columns)), band)
+    return away_from_impacts(read_channels(FLOATING, Log(time, columns)), band)
 
 
 def test_the_samples_around_a_strike_are_set_aside() -> None:

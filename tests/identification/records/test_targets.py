@@ -30,7 +30,7 @@ from wbc.identification.choice.candidate_columns import evidence
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.readings import check_robot
-from wbc.identification.records.channels import rotor_torques
+from wbc.identification.records.drives import drive_torques
 from wbc.identification.records.preparation import prepare
 from wbc.measurement import Log, save_log
 from wbc.robot import Effect, Motion, Robot, robots_directory
@@ -82,14 +82,14 @@ def test_targets_and_gains_make_the_torque_that_the_drive_was_told(
 ) -> None:
     gears = with_gains().transmission
     told = np.stack([tables[0][f"{joint}.rotor_torque"] for joint in JOINTS], axis=1)
-    error = rotor_torques(logs[0], gears) - told
+    error = drive_torques(logs[0], gears).torque - told
     # The plant's drives see no sensor noise: 3e-3 rad/s times kd over a ratio of 20, and 2e-3 N m.
     np.testing.assert_allclose(error.std(axis=0), [2.26e-3, 2.05e-3], rtol=0.1)
     assert np.abs(error).max() < 6.0 * 2.3e-3
     limited = gears.replace(torque_limit=np.array([0.05, 0.05]))
-    assert np.abs(rotor_torques(logs[0], limited)).max() == 0.05
+    assert np.abs(drive_torques(logs[0], limited).torque).max() == 0.05
     with pytest.raises(LogError, match=r"below \[gears\.hip\] in robot\.toml:\n +kp = "):
-        rotor_torques(logs[0], load_robot("planar_leg_fixed").transmission)
+        drive_torques(logs[0], load_robot("planar_leg_fixed").transmission)
 
 
 def test_a_coupled_motor_follows_the_target_of_its_own_motion() -> None:
@@ -99,7 +99,7 @@ def test_a_coupled_motor_follows_the_target_of_its_own_motion() -> None:
     columns = {f"{joint}.position": np.zeros(5) for joint in gears.joints}
     for joint, wanted in zip(gears.joints, error, strict=True):
         columns[f"{joint}.target_position"] = np.full(5, wanted)
-    made = rotor_torques(Log(np.linspace(0.0, 1.0, 5), columns), gears)[0]
+    made = drive_torques(Log(np.linspace(0.0, 1.0, 5), columns), gears).torque[0]
     # Virtual work: the springs kp at the motors' outputs store 1/2 kp (D^-1 e)^2.
     psi = np.linalg.solve(gears.topology, error)
     np.testing.assert_allclose(made * gears.gear_ratio, kp * psi)

@@ -18,13 +18,9 @@ from wbc.identification.readings.mistakes import (
     motionless,
     torque_mistakes,
 )
-from wbc.identification.records.channels import (
-    placeless_joints,
-    positions,
-    tells_torque,
-    without_position,
-)
+from wbc.identification.records.channels import placeless_joints, positions, without_position
 from wbc.identification.records.contacts import moving_contact
+from wbc.identification.records.drives import tells_torque
 from wbc.measurement.checks import (
     check_alone,
     check_reading,

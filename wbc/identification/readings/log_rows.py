@@ -13,13 +13,8 @@ from scipy import stats
 from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.errors import IdentificationError, LogError
-from wbc.identification.records.channels import (
-    read_channels,
-    reported_share,
-    torque_sources,
-    typical_inertia,
-    without_position,
-)
+from wbc.identification.records.channels import read_channels, typical_inertia, without_position
+from wbc.identification.records.drives import reported_share, torque_sources
 from wbc.identification.records.filters import smoothed
 from wbc.measurement.checks import resting_joints
 from wbc.measurement.clocks import longest_piece, too_short
@@ -185,8 +180,8 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
         return None
     if own.floating_size and own.contacts and (told.active or not told.forces):
         return None
-    length, rate = len(told.time), told.rate
-    cutoff = _cutoff(told.position[:, [own.position_index(n) for n in own.single_joints]], rate)
+    length, rate, measured = len(told.torque), told.rate, told.motion.position
+    cutoff = _cutoff(measured[:, [own.position_index(n) for n in own.single_joints]], rate)
     if not rate / length < cutoff < 0.45 * rate:
         return None
     reported = told.torque * own.transmission.gear_ratio
@@ -197,7 +192,7 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
         return None
     shares = [reported_share(own.transmission, k, name) for k, name in enumerate(quantities)]
     thin = np.arange(length)[inside][:: max(1, length // _ROWS)]
-    position = smoothed(own, told.position, cutoff, rate, _ORDER)
+    position = smoothed(own, measured, cutoff, rate, _ORDER)
     velocity = differentiate(position, rate, own.model)
     sensed = np.full_like(torque, np.nan)
     sensed[:, [joints.index(joint) for joint in sensors]] = behind

@@ -94,6 +94,13 @@ class Bandwidth:
     kinematics: float
 
 
+_NOTHING = np.zeros(0)
+UNKNOWN = NoiseDensity(_NOTHING, _NOTHING, _NOTHING, {}, _NOTHING, _NOTHING)
+"""Noise that was not measured yet."""
+WHOLE = Bandwidth(np.inf, np.inf)
+"""The band of what is not filtered yet."""
+
+
 def choose_bandwidth(
     noises: Sequence[NoiseDensity], inertia: FloatArray, actuated: IntArray, rate: float
 ) -> Bandwidth:

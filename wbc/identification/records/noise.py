@@ -170,10 +170,8 @@ def _over_all(
     everywhere = rows @ weighed / rows.sum()
     there = rows[chosen] @ weighed[chosen] / rows[chosen].sum()
     known = there > 0.0
-    scale = np.sqrt(np.where(known, everywhere / np.where(known, there, 1.0), 0.0))
-    covariance = repeated * np.outer(scale, scale)
-    neither = np.outer(~known, ~known)
-    return np.where(np.outer(known, known), covariance, np.where(neither, sensors, 0.0))
+    scale = np.sqrt(np.divide(everywhere, there, out=np.zeros(known.size), where=known))
+    return repeated * np.outer(scale, scale) + sensors * np.outer(~known, ~known)
 
 
 def _covariance(values: FloatArray) -> FloatArray:
@@ -202,10 +200,10 @@ def close_repeats(
 
 
 def _difference(
-    one: FloatArray, time: FloatArray | None, other: FloatArray, later: FloatArray | None
+    one: FloatArray, time: FloatArray, other: FloatArray, later: FloatArray
 ) -> FloatArray:
     """Return by how much two runs (rows, k) differ at the same time since their start."""
-    if time is None or later is None or np.array_equal(time, later):
+    if np.array_equal(time, later):
         return one - other
     both = time <= later[-1]
     # Rows are a third of the band's period apart: lines between them cut its corners.
@@ -219,7 +217,8 @@ def _close(one: Record, other: Record) -> bool:
     moving = (spread > 0.0) & one.noise.moving(first.velocity, one.bandwidth)
     driven = one.robot.actuated
     moving[driven] &= one.weight[:, : driven.size].any(axis=0)
-    between = _difference(first.velocity, first.time, second.velocity, second.time)
+    times = np.asarray(first.time), np.asarray(second.time)
+    between = _difference(first.velocity, times[0], second.velocity, times[1])
     apart = np.sqrt(np.mean(between**2, axis=0))
     return bool(moving.any() and np.all(apart[moving] < _SAME_MOTION * spread[moving]))
 

@@ -13,10 +13,17 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, frozen
-from wbc.identification.records.record import Record, at_outputs, output_count, rubbing
+from wbc.identification.records.record import (
+    Record,
+    at_outputs,
+    output_count,
+    output_names,
+    output_units,
+    rubbing,
+)
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.tables import FEW
+from wbc.tables import few
 
 _BASE_MOVES = 5e-3  # [m, rad] between the 5 % and 95 % quantiles: more than a sensor's noise
 _SEEN = 0.5  # of a row, below which it is named as hardly seen
@@ -69,17 +76,16 @@ def moving_bases(robot: Robot, logs: Sequence[Log]) -> list[str]:
     """
     if robot.floating_size:
         return []
+    moves = {log.source.label: _base_moves(robot, log) for log in logs}
     found: dict[str, float] = {}
-    labels = []
-    for log in logs:
-        moves = _base_moves(robot, log)
-        labels += [log.source.label] if moves else []
-        found |= {owner: max(move, found.get(owner, 0.0)) for owner, move in moves.items()}
+    for owner, distance in (pair for own in moves.values() for pair in own.items()):
+        found[owner] = max(distance, found.get(owner, 0.0))
     if not found:
         return []
+    labels = ", ".join(label for label, own in moves.items() if own)
     listed = ", ".join(f"{owner} by {distance:.2g}" for owner, distance in found.items())
     return [
-        f"{', '.join(labels)}: the base moves ({listed} m or rad), and that of '{robot.name}' is "
+        f"{labels}: the base moves ({listed} m or rad), and that of '{robot.name}' is "
         "fixed: what its motion asks of the joints is taken for something else. Give the robot "
         "with its free base (`wbc list robots`), or hold the base while recording."
     ]
@@ -91,11 +97,9 @@ def _base_moves(robot: Robot, log: Log) -> dict[str, float]:
     for name, values in log.columns.items():
         owner, _, quantity = name.partition(".")
         coordinate = name if owner == "base" else owner
-        known = coordinate in robot.joints or not owner.startswith("base")
-        if known or quantity.partition(".")[0] not in ("position", "orientation"):
-            continue
-        distance = float(np.ptp(np.quantile(values, [0.05, 0.95])))
-        if distance > _BASE_MOVES:
+        told = quantity.startswith(("position", "orientation")) and owner.startswith("base")
+        distance = float(np.ptp(np.quantile(values, [0.05, 0.95]))) if told else 0.0
+        if distance > _BASE_MOVES and coordinate not in robot.joints:
             moves[coordinate] = distance
     return moves
 
@@ -147,9 +151,8 @@ def standing_joints(records: Sequence[Record]) -> list[str]:
     found = []
     for joint, still in zip(robot.transmission.joints, standing(records).T, strict=False):
         logs = [record.name for record, aside in zip(records, still, strict=True) if aside]
-        more = [f"{len(logs) - FEW} more"] if len(logs) > FEW else []
         if logs:
-            found.append(f"{joint} in {', '.join([*logs[:FEW], *more])}")
+            found.append(f"{joint} in {few(logs)}")
     if not found:
         return []
     return [
@@ -171,12 +174,9 @@ def without_torque_sensors(robot: Robot, logs: Sequence[Log]) -> list[Log]:
         robot: that the logs are held against.
         logs: as recorded.
     """
-    spared = {f"{joint}.joint_torque" for joint in robot.transmission.joints}
-    spared -= {f"{joint}.joint_torque" for joint in robot.sensor_only}
-    return [
-        replace(log, columns={n: v for n, v in log.columns.items() if n not in spared})
-        for log in logs
-    ]
+    joints = set(robot.transmission.joints) - set(robot.sensor_only)
+    spared = {f"{joint}.joint_torque" for joint in joints}
+    return [log.select(name for name in log.names if name not in spared) for log in logs]
 
 
 def not_judged(records: Sequence[Record]) -> tuple[int, ...]:
@@ -207,6 +207,13 @@ def without_links(robot: Robot) -> tuple[int, ...]:
     )
 
 
+def told_outputs(robot: Robot) -> list[tuple[int, str, str]]:
+    """Return number, name and unit of every output that an answer tells of."""
+    pairs = enumerate(zip(output_names(robot), output_units(robot), strict=True))
+    unknown = without_links(robot)
+    return [(k, *pair) for k, pair in pairs if k not in unknown]
+
+
 def silent_drives(
     records: Sequence[Record], residuals: Sequence[FloatArray], floor: FloatArray
 ) -> tuple[str, ...]:
@@ -227,10 +234,17 @@ def silent_drives(
     size = robot.transmission.size
     reported = np.concatenate([reported_torque(record)[:, :size] for record in records])
     needed = reported - np.concatenate(list(residuals))[:, :size]
-    friction = np.concatenate([_friction(record)[:, :, :size] for record in records], axis=1)
-    silent = records[0].reported.copy()
+    turns, friction = robot.transmission.motor_from_joint, []
+    for record in records:  # speed and direction of every gear, as the residual is condensed
+        speed = np.zeros(record.weight.shape)
+        speed[:, :size] = record.motion.velocity[:, robot.actuated] @ turns.T
+        friction.append(np.stack([record.condense(x)[:, :size] for x in (speed, np.sign(speed))]))
+    rubs, silent = np.concatenate(friction, axis=1), records[0].reported.copy()
     for k in np.flatnonzero(silent):
-        given, columns = reported[:, k], np.column_stack([needed[:, k], *friction[:, :, k]])
+        given, columns = (
+            reported[:, k],
+            np.column_stack([needed[:, k], *rubs[:, :, k]]),
+        )
         given, columns = given - given.mean(), columns - columns.mean(axis=0)
         share, deviation = _share(given, columns)
         sizes = np.linalg.norm(given) * np.linalg.norm(columns[:, 0])
@@ -263,15 +277,6 @@ def _share(given: FloatArray, columns: FloatArray) -> tuple[float, float]:
     blocks = np.array_split(scaled * left[:, None], min(_BLOCKS, len(left)))
     sums = np.array([block.sum(axis=0) for block in blocks]) @ inverse[:, 0]
     return float(solution[0] / size[0]), float(np.linalg.norm(sums) / size[0])
-
-
-def _friction(record: Record) -> FloatArray:
-    """Return (2, rows, m + b) speed and direction of every gear, as the residual is condensed."""
-    robot = record.robot
-    turns = robot.transmission.motor_from_joint
-    speed = np.zeros(record.weight.shape)
-    speed[:, : len(turns)] = record.motion.velocity[:, robot.actuated] @ turns.T
-    return np.stack([record.condense(speed), record.condense(np.sign(speed))])
 
 
 def reported_torque(record: Record) -> FloatArray:

@@ -11,18 +11,9 @@ from scipy.integrate import cumulative_trapezoid
 
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import IdentificationError
-from wbc.identification.records.channels import Channels, read_channels, typical_inertia
-from wbc.identification.records.filters import (
-    Bandwidth,
-    NoiseDensity,
-    choose_bandwidth,
-    gate,
-    low_passed,
-    quantisation_level,
-    smoothed,
-    steady_level,
-    white_level,
-)
+from wbc.identification.records import filters
+from wbc.identification.records.channels import read_channels, typical_inertia
+from wbc.identification.records.filters import Bandwidth, NoiseDensity, low_passed, white_level
 from wbc.identification.records.noise import load_bands, synthetic_noise
 from wbc.identification.records.not_judged import not_judged_at_rest
 from wbc.identification.records.record import Record, at_outputs, output_count, rubbing
@@ -65,85 +56,68 @@ def prepare(robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL) -> tu
     usual = float(np.median([log.sample_time for log in logs]))
     alike = [abs(log.sample_time - usual) < _JITTER * usual for log in logs]
     steps = [usual if same else None for same in alike]
-    channels = [read_channels(robot, *pair) for pair in zip(logs, steps, strict=True)]
-    noises = [_noise(robot, channel) for channel in channels]
-    inertia = typical_inertia(robot, channels)
-    rate = min(channel.rate for channel in channels)
-    band = choose_bandwidth(noises, inertia, robot.actuated, rate)
-    records = [
-        _record(robot, channel, noise, band, reversal)
-        for channel, noise in zip(channels, noises, strict=True)
-    ]
+    read = [read_channels(robot, *pair) for pair in zip(logs, steps, strict=True)]
+    noises = [_noise(record) for record in read]
+    rate = min(record.rate for record in read)
+    band = filters.choose_bandwidth(noises, typical_inertia(robot, read), robot.actuated, rate)
+    pairs = zip(read, noises, strict=True)
+    records = [_smooth(record, noise, band, reversal) for record, noise in pairs]
     return tuple(_with_noise_shared(record) for record in not_judged_at_rest(records))
 
 
-def _noise(robot: Robot, channels: Channels) -> NoiseDensity:
-    model = robot.model
-    positions = np.full((len(channels.time), model.nv), np.nan)
-    for name in set(robot.single_joints) - set(channels.placeless):
-        positions[:, robot.velocity_index(name)] = channels.position[:, robot.position_index(name)]
+def _noise(read: Record) -> NoiseDensity:
+    robot, rate, motion, torque = read.robot, read.rate, read.motion, _motor_torque(read)
+    positions = np.full_like(motion.velocity, np.nan)
+    for name in set(robot.single_joints) - set(read.placeless):
+        positions[:, robot.velocity_index(name)] = motion.position[:, robot.position_index(name)]
     if robot.has_free_flyer:
-        positions[:, :6] = _shaken_pose(robot, channels)
-    rate, torque = channels.rate, _motor_torque(robot, channels)
-    positions[:, _integrated(positions, channels.velocity, rate)] = np.nan
+        # How far the measured base strays from a smooth path, in its own frame.
+        path = filters.smoothed(robot, motion.position, _PATH * rate, rate)
+        pairs = zip(path, motion.position, strict=True)
+        positions[:, :6] = [pin.difference(robot.model, *pair)[:6] for pair in pairs]
+    # The integral of a velocity is no measurement. Its noise is a random walk: read as white it
+    # would make a motor that stands still move.
+    walked = positions - cumulative_trapezoid(motion.velocity, dx=1.0 / rate, axis=0, initial=0.0)
+    made = white_level(walked, rate) < _SAME * white_level(positions, rate)
+    positions[:, made] = np.nan
     passed, density = low_passed(torque, rate)
+    steps = filters.quantisation_level(positions, rate)
     return NoiseDensity(
         # NaN, where no position was measured, stays NaN.
-        position=np.maximum(white_level(positions, rate), quantisation_level(positions, rate)),
-        velocity=white_level(channels.velocity, rate),
+        position=np.maximum(white_level(positions, rate), steps),
+        velocity=white_level(motion.velocity, rate),
         torque=np.maximum(white_level(torque, rate), density),
-        forces={name: white_level(force, rate) for name, force in channels.forces.items()},
-        sensed=np.maximum(white_level(channels.sensed, rate), low_passed(channels.sensed, rate)[1]),
+        forces={name: white_level(force, rate) for name, force in read.forces.items()},
+        sensed=np.maximum(white_level(read.sensed, rate), low_passed(read.sensed, rate)[1]),
         passed=passed,
     )
 
 
-def _integrated(positions: FloatArray, velocities: FloatArray, rate: float) -> BoolArray:
-    """Return which positions (N, nv) are no measurement, but the integral of the velocities.
-
-    Their noise is a random walk: read as white it would make a motor that stands still move.
-    """
-    apart = positions - cumulative_trapezoid(velocities, dx=1.0 / rate, axis=0, initial=0.0)
-    return np.asarray(white_level(apart, rate) < _SAME * white_level(positions, rate))
-
-
-def _shaken_pose(robot: Robot, channels: Channels) -> FloatArray:
-    """Return how far (N, 6) the measured base strays from a smooth path, in its own frame."""
-    smooth = smoothed(robot, channels.position, _PATH * channels.rate, channels.rate)
-    pairs = zip(smooth, channels.position, strict=True)
-    return np.array([pin.difference(robot.model, path, q)[:6] for path, q in pairs])
-
-
-def _record(
-    robot: Robot, channels: Channels, noise: NoiseDensity, band: Bandwidth, reversal: float
-) -> Record:
-    rate, cutoff = channels.rate, band.kinematics
-    motion = _smooth_motion(robot, channels, noise, band)
-    noise = _while_turning_one_way(robot, channels, noise, motion)
-    every = max(1, int(rate / (_OVERSAMPLING * cutoff)))
-    thin = slice(None, None, every)
+def _smooth(read: Record, noise: NoiseDensity, band: Bandwidth, reversal: float) -> Record:
+    """Return a record in the band of the kinematics, with weights."""
+    robot, every = read.robot, max(1, int(read.rate / (_OVERSAMPLING * band.kinematics)))
+    motion = _smooth_motion(read, noise, band)
+    noise = _while_turning_one_way(read, noise, motion)
     known = {name: own for name, own in vars(motion).items() if own is not None}
-    thinned = motion.replace(**{name: frozen(own[thin]) for name, own in known.items()})
-    return Record(
-        name=channels.name,
-        robot=robot,
-        motion=thinned,
-        torque=frozen(low_pass(channels.torque, cutoff, rate)[thin]),
-        reported=frozen(channels.reported, np.bool_),
-        currents=frozen(channels.currents, np.bool_),
-        sensed=frozen(low_pass(channels.sensed, cutoff, rate)[thin]),
-        forces={name: low_pass(f, cutoff, rate)[thin] for name, f in channels.forces.items()},
-        active={name: touches[thin] for name, touches in channels.active.items()},
-        weight=frozen(
-            _weight(robot, thinned, noise, band, reversal)
-            * away_from_impacts(robot, channels, band)[thin, None]
-        ),
-        rate=rate / every,
+    motion = motion.replace(**{name: frozen(own[::every]) for name, own in known.items()})
+
+    def smooth(values: FloatArray) -> FloatArray:
+        return frozen(low_pass(values, band.kinematics, read.rate)[::every])
+
+    away = away_from_impacts(read, band)[::every, None]
+    return replace(
+        read,
+        motion=motion,
+        torque=smooth(read.torque),
+        sensed=smooth(read.sensed),
+        forces={name: smooth(force) for name, force in read.forces.items()},
+        active={name: touches[::every] for name, touches in read.active.items()},
+        weight=frozen(_weight(robot, motion, noise, band, reversal) * away),
+        rate=read.rate / every,
         bandwidth=band,
         noise=noise,
         certainty=np.ones(output_count(robot)),
         load_band=np.full(robot.transmission.size, np.inf),
-        inertia=channels.inertia,
     )
 
 
@@ -166,42 +140,40 @@ def _with_noise_shared(record: Record) -> Record:
     return replace(record, weight=frozen(weight), load_band=frozen(load_bands(record, needed)))
 
 
-def _smooth_motion(
-    robot: Robot, channels: Channels, noise: NoiseDensity, band: Bandwidth
-) -> Motion:
+def _smooth_motion(read: Record, noise: NoiseDensity, band: Bandwidth) -> Motion:
     """Return smoothed q, v, a; each joint from the sensor that gives the quieter acceleration."""
-    rate, cutoff = channels.rate, band.kinematics
-    position = smoothed(robot, channels.position, cutoff, rate)
-    measured = low_pass(channels.velocity, cutoff, rate)
-    derived = differentiate(position, rate, robot.model)
+    rate, cutoff, motion = read.rate, band.kinematics, read.motion
+    position = filters.smoothed(read.robot, motion.position, cutoff, rate)
+    measured = low_pass(motion.velocity, cutoff, rate)
+    derived = differentiate(position, rate, read.robot.model)
     velocity = np.where(noise.measures_speed(band), measured, derived)
-    feedback = None if channels.feedback is None else low_pass(channels.feedback, cutoff, rate)
-    return Motion(
-        position,
-        _at_rest(robot, velocity, noise, band),
+    # A joint that holds still would seem to change direction all the time, and its dry friction, of
+    # which nothing but the limits is known there, would be torque of the sign of that noise.
+    still, rows = np.zeros(read.robot.model.nv), rubbing(read.robot)
+    still[rows] = _REST * noise.speed_deviation(band)[rows]
+    feedback = motion.feedback_torque
+    return motion.replace(
+        position=position,
+        velocity=np.where(np.abs(velocity) < still, 0.0, velocity),
         acceleration=derivative(velocity, rate),
-        time=channels.time - channels.time[0],
-        temperature=channels.temperature,
-        supply_voltage=channels.supply_voltage,
-        feedback_torque=feedback,
+        feedback_torque=None if feedback is None else low_pass(feedback, cutoff, rate),
     )
 
 
-def _while_turning_one_way(
-    robot: Robot, channels: Channels, noise: NoiseDensity, motion: Motion
-) -> NoiseDensity:
+def _while_turning_one_way(read: Record, noise: NoiseDensity, motion: Motion) -> NoiseDensity:
     """Return the noise with that of the torques read where no joint behind them turns round.
 
     The band was chosen by what the torques hold at high frequencies, noise or jumps: there is no
     reason to cut the torque of dry friction off where the sensor is quiet.
     """
-    way = np.sign(motion.velocity[:, robot.actuated])
+    robot = read.robot
     moved = np.abs(robot.transmission.topology) > 0.0
     # A gear changes its direction with any joint that it moves: the sum over them does, too.
-    ways = way @ (moved * np.sqrt(np.arange(1.0, len(moved) + 1.0))[:, None])
-    steady = steady_level(_motor_torque(robot, channels), ways, channels.rate)
-    behind = steady_level(channels.sensed, ways[:, robot.sensed], channels.rate)
-    unfiltered = low_passed(channels.sensed, channels.rate)[1] == 0.0
+    ways = np.sign(motion.velocity[:, robot.actuated])
+    ways = ways @ (moved * np.sqrt(np.arange(1.0, len(moved) + 1.0))[:, None])
+    steady = filters.steady_level(_motor_torque(read), ways, read.rate)
+    behind = filters.steady_level(read.sensed, ways[:, robot.sensed], read.rate)
+    unfiltered = low_passed(read.sensed, read.rate)[1] == 0.0
     return replace(
         noise,
         torque=np.where(noise.passed == np.inf, np.minimum(noise.torque, steady), noise.torque),
@@ -209,25 +181,13 @@ def _while_turning_one_way(
     )
 
 
-def _motor_torque(robot: Robot, channels: Channels) -> FloatArray:
+def _motor_torque(read: Record) -> FloatArray:
     """Return (N, m) what motors report at their outputs, or what a sensor behind the gear does."""
-    torque = channels.torque * np.abs(robot.transmission.gear_ratio)
-    unknown = robot.sensed[~channels.reported[robot.sensed]]
-    torque[:, unknown] = channels.sensed[:, np.isin(robot.sensed, unknown)]
+    robot = read.robot
+    torque = read.torque * np.abs(robot.transmission.gear_ratio)
+    unknown = robot.sensed[~read.reported[robot.sensed]]
+    torque[:, unknown] = read.sensed[:, np.isin(robot.sensed, unknown)]
     return np.asarray(torque)
-
-
-def _at_rest(
-    robot: Robot, velocity: FloatArray, noise: NoiseDensity, band: Bandwidth
-) -> FloatArray:
-    """Return velocities that are zero where a joint moves by no more than noise.
-
-    A joint that holds still would seem to change direction all the time, and its dry friction,
-    of which nothing but the limits is known there, would be torque of the sign of that noise.
-    """
-    still, rows = np.zeros(robot.model.nv), rubbing(robot)
-    still[rows] = _REST * noise.speed_deviation(band)[rows]
-    return np.asarray(np.where(np.abs(velocity) < still, 0.0, velocity))
 
 
 def _weight(
@@ -249,7 +209,7 @@ def _weight(
     threshold = np.minimum(threshold, 0.5 * np.sqrt(np.mean(speed**2, axis=0)))
     # A joint that holds still all the time carries a load, too.
     threshold *= noise.moving(motion.velocity, band)[rows]
-    trusted = gate(speed, threshold)
+    trusted = filters.gate(speed, threshold)
     # A mesh turns with every joint that its motor moves: all of them must have a direction.
     moves = np.abs(robot.transmission.topology) > 0.0
     driven, passive = np.split(trusted, [robot.transmission.size], axis=1)
@@ -257,7 +217,7 @@ def _weight(
     return np.asarray(at_outputs(robot, per_gear, passive) * settled[:, None])
 
 
-def away_from_impacts(robot: Robot, channels: Channels, band: Bandwidth) -> BoolArray:
+def away_from_impacts(read: Record, band: Bandwidth) -> BoolArray:
     """Return (N,) whether a sample is out of the filters' reach of every impact.
 
     A foot that strikes is stopped within milliseconds. The force's peak falls between two samples
@@ -265,21 +225,20 @@ def away_from_impacts(robot: Robot, channels: Channels, band: Bandwidth) -> Bool
     impacts go first where all of them would take most of the log.
 
     Args:
-        robot: whose weight is the measure.
-        channels: of one log.
+        read: of one log; the robot's weight is the measure.
         band: of the filters.
     """
-    jump = np.zeros(len(channels.time))
-    for force in channels.forces.values():
+    jump = np.zeros(len(read.torque))
+    for force in read.forces.values():
         np.maximum(jump[1:], np.linalg.norm(np.diff(force, axis=0), axis=1), out=jump[1:])
-    weight = sum(inertia.mass for inertia in robot.model.inertias) * 9.81
-    reach = int(np.ceil(_REACH * channels.rate / band.kinematics))
+    weight = sum(inertia.mass for inertia in read.robot.model.inertias) * 9.81
+    reach = int(np.ceil(_REACH * read.rate / band.kinematics))
     away = np.ones(len(jump), dtype=bool)
     for k in np.argsort(-jump):
         if jump[k] < _JUMP * weight or np.mean(away) < 1.0 - _MOST:
             break
         away[max(0, k - reach) : k + reach] = False
-    for touches in channels.active.values():
+    for touches in read.active.values():
         # A flag says the moment of a touch or a lift as roughly as a sample does.
         for k in np.flatnonzero(np.diff(touches.astype(np.int8))):
             away[max(0, k - reach) : k + reach] = False

@@ -9,27 +9,29 @@ other side.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.dynamics import contact_torque, inertial_parameters, inertial_regressor
 from wbc.dynamics.batch import inverse_dynamics, point_jacobians
-from wbc.identification.records.channels import loaded
 from wbc.identification.records.contacts import ContactBalance
-from wbc.identification.records.filters import Bandwidth, NoiseDensity
+from wbc.identification.records.filters import UNKNOWN, WHOLE, Bandwidth, NoiseDensity
 from wbc.links import LinkResponse
 from wbc.measurement import low_pass
 from wbc.robot import Motion, Robot
 from wbc.robot.coordinates import output_units as gear_and_base_units
 
 _SMALL = 1e-6
+Kept = TypeVar("Kept")
 
 
 def output_count(robot: Robot) -> int:
@@ -83,28 +85,33 @@ def at_outputs(robot: Robot, gears: NDArray[Any], passive: NDArray[Any]) -> NDAr
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """What one log says, on an even grid, in the band of the kinematics.
+    """What one log says of a robot, on an even grid.
+
+    As it is read it holds the channels of the log. Prepared, it is in the band of the kinematics,
+    with weights and noise.
 
     Attributes:
         name: of the log.
         robot: the robot that the user believes in; link terms are cached for it.
-        motion: smoothed q, v, a (N, ...).
+        motion: q, v, a (N, ...) of the robot. As read there is no acceleration, q of `placeless`
+            joints is the integral of the velocity, and all of v is NaN if some joint has none.
         torque: (N, m) rotor torque that the drives reported [N m].
-        reported: (m,) whether a drive reports its torque.
+        reported: (m,) whether a drive reports or is told its torque; 0 stands where not.
         currents: (m,) whether that torque is the current that a drive reports.
         sensed: (N, s) torque behind the gears of the robot's torque sensors [N m].
         forces: contact name -> (N, 3) [N], ground on robot.
         active: contact name -> (N,) whether it touches, of contacts without a force sensor.
+        rate: [Hz] of this grid.
+        inertia: (10 n_links,) what the links had more in this log than `robot` has, None if
+            nothing: a payload of this log alone.
+        placeless: joints whose position was not measured and changes nothing.
         weight: (N, m + b) between 0 and 1, small where a joint is too slow for its direction to
             be known.
-        rate: [Hz] of this grid.
         bandwidth: cut-offs.
         noise: white noise of the sensors.
         certainty: (m + b,) factor of the condensed rows: below 1 where this log is noisier than
             those that the noise floor is taken from.
         load_band: (m,) frequency from which on the load of a driven joint is noise [Hz].
-        inertia: (10 n_links,) what the links had more in this log than `robot` has, None if
-            nothing: a payload of this log alone.
     """
 
     name: str
@@ -116,16 +123,23 @@ class Record:
     sensed: FloatArray
     forces: Mapping[str, FloatArray]
     active: Mapping[str, BoolArray]
-    weight: FloatArray
     rate: float
-    bandwidth: Bandwidth
-    noise: NoiseDensity
-    certainty: FloatArray
-    load_band: FloatArray
     inertia: FloatArray | None = None
-    _responses: dict[str, tuple[bytes, LinkResponse]] = field(init=False, default_factory=dict)
-    _regressors: dict[tuple[int, bytes], FloatArray] = field(init=False, default_factory=dict)
-    _latest: dict[bytes, FloatArray] = field(init=False, default_factory=dict)
+    placeless: tuple[str, ...] = ()
+    weight: FloatArray = field(default_factory=lambda: np.zeros(0))
+    bandwidth: Bandwidth = WHOLE
+    noise: NoiseDensity = UNKNOWN
+    certainty: FloatArray = field(default_factory=lambda: np.zeros(0))
+    load_band: FloatArray = field(default_factory=lambda: np.zeros(0))
+    _kept: dict[tuple[str, int], tuple[bytes, Any]] = field(init=False, default_factory=dict)
+
+    def _latest(self, what: str, number: int, key: bytes, make: Callable[[], Kept]) -> Kept:
+        """Return what `make` returns, made once as long as it is asked with the same key."""
+        known = self._kept.get((what, number))
+        if known is None or known[0] != key:
+            known = self._kept[what, number] = key, make()
+        value: Kept = known[1]
+        return value
 
     @cached_property
     def stride(self) -> int:
@@ -237,7 +251,14 @@ class Record:
 
     def model_of(self, robot: Robot) -> pin.Model:
         """Return a robot's model with this log's payload."""
-        return loaded(robot.model, self.inertia)
+        if self.inertia is None:
+            return robot.model
+        model = robot.model.copy()
+        for k, more in enumerate(self.inertia.reshape(-1, 10), start=1):
+            if more.any():
+                total = model.inertias[k].toDynamicParameters() + more
+                model.inertias[k] = pin.Inertia.FromDynamicParameters(total)
+        return model
 
     @cached_property
     def load(self) -> FloatArray:
@@ -264,10 +285,7 @@ class Record:
         if numbers == own:
             return self.links
         # Most causes leave the links as they are: of one screen 254 of 315 calls ask once more.
-        if numbers not in self._latest:
-            self._latest.clear()
-            self._latest[numbers] = self.believing(robot).links
-        return self._latest[numbers]
+        return self._latest("links", 0, numbers, lambda: self.believing(robot).links)
 
     def condensed_regressor(self, output: int, direction: FloatArray) -> FloatArray:
         """Return (rows, 10 n_links) the condensed columns of the links' parameters at one output.
@@ -276,11 +294,12 @@ class Record:
             output: number of the output, whose weights and noise count.
             direction: (nv,) what the output feels of the torque that the links need.
         """
-        key = output, direction.tobytes()
-        if key not in self._regressors:
+
+        def condensed() -> FloatArray:
             felt = np.einsum("i,nip->np", direction, self.regressor)
-            self._regressors[key] = self.condensed_at(felt, output)
-        return self._regressors[key]
+            return self.condensed_at(felt, output)
+
+        return self._latest("regressor", output, direction.tobytes(), condensed)
 
     def condensed_at(self, values: FloatArray, output: int) -> FloatArray:
         """Return `values` (N or only the first of them, ...) condensed as torques at one output."""
@@ -289,12 +308,8 @@ class Record:
 
     def response_of(self, robot: Robot, joint: str) -> LinkResponse:
         """Return how the link behind a gear of a robot reacts to a deflection of the gear."""
-        key = inertial_parameters(robot).tobytes()
-        known, response = self._responses.get(joint, (b"", None))
-        if response is None or known != key:
-            response = self._reacting(robot, joint)
-            self._responses[joint] = key, response
-        return response
+        key, row = inertial_parameters(robot).tobytes(), robot.velocity_index(joint)
+        return self._latest("response", row, key, lambda: self._reacting(robot, joint))
 
     def _reacting(self, robot: Robot, joint: str) -> LinkResponse:
         motion, model, row = self.motion, self.model_of(robot), robot.velocity_index(joint)
@@ -337,12 +352,16 @@ def held_out_folds(records: Sequence[Record], repeats: Sequence[tuple[int, int]]
     is cut into contiguous blocks, because neighbouring rows are not independent. A run that alone
     moves some joint is cut, too: without it nothing would be known of that joint.
     """
-    group = _groups(len(records), repeats)
-    cut = _only_ones(records, group) | (group.max() + 1 < _ENOUGH_RUNS)
+    pairs, count = np.array(repeats, dtype=np.int_).reshape(-1, 2).T, len(records)
+    graph = coo_array((np.ones(pairs.shape[1]), pairs), (count, count))
+    runs, group = connected_components(graph, directed=False)
+    weighed, rows = judged(records), [record.rows for record in records]
+    per_run = np.array([weighed[group == g].any(axis=0) for g in range(runs)])
+    only = (per_run & (per_run.sum(axis=0) == 1)).any(axis=1)
     folds = []
-    for record, g in zip(records, group.tolist(), strict=True):
-        parts = _BLOCKS_PER_LOG if cut[g] else 1
-        folds.append(g * _BLOCKS_PER_LOG + np.arange(record.rows) * parts // max(record.rows, 1))
+    for g, length in zip(group.tolist(), rows, strict=True):
+        parts = _BLOCKS_PER_LOG if only[g] or runs < _ENOUGH_RUNS else 1
+        folds.append(g * _BLOCKS_PER_LOG + np.arange(length) * parts // max(length, 1))
     return np.concatenate(folds)
 
 
@@ -372,6 +391,11 @@ def time_blocks(records: Sequence[Record]) -> IntArray:
         blocks.append(first + np.arange(record.rows) * count // max(record.rows, 1))
         first += count
     return np.concatenate(blocks)
+
+
+def rms(values: FloatArray) -> FloatArray:
+    """Return the root mean square (...) of `values` (rows, ...)."""
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
 
 
 def block_means(values: FloatArray, blocks: IntArray) -> FloatArray:
@@ -426,23 +450,6 @@ def correlated_rows(parts: Sequence[FloatArray], white: float) -> FloatArray:
     return np.asarray(1.0 + 2.0 * lags)
 
 
-def _only_ones(records: Sequence[Record], group: IntArray) -> BoolArray:
-    """Return (groups,) whether some output has no weight in any log without this group."""
-    weighed = judged(records)
-    per_group = np.array([weighed[group == g].any(axis=0) for g in range(group.max() + 1)])
-    single = per_group.sum(axis=0) == 1
-    return np.asarray((per_group & single).any(axis=1))
-
-
 def judged(records: Sequence[Record]) -> BoolArray:
     """Return (logs, outputs) whether an output has any weight in a log."""
     return np.array([record.weight.any(axis=0) for record in records])
-
-
-def _groups(count: int, repeats: Sequence[tuple[int, int]]) -> IntArray:
-    """Return (logs,) the number of the group of each log: those that repeat one another."""
-    group = np.arange(count)
-    for pair in repeats:
-        first, other = np.sort(group[list(pair)])
-        group[group == other] = first
-    return np.unique(group, return_inverse=True)[1]
