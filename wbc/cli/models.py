@@ -13,24 +13,14 @@ import tomli_w
 from rich.console import Console, RenderableType
 from rich.text import Text
 
+from wbc.cli import outputs
 from wbc.cli.inputs import robot_and_logs, robot_from
-from wbc.cli.outputs import (
-    Options,
-    Outcome,
-    Part,
-    command_line,
-    print_out,
-    spoken,
-    watching,
-    working,
-    write_figures,
-)
+from wbc.cli.outputs import Options, Outcome, Part, command_line, print_out, spoken, working
 from wbc.effects import effect_class, save_robot
 from wbc.errors import WbcError
 from wbc.files import write_text
 from wbc.identification import Diagnosis, compare, diagnose
-from wbc.identification.answer.shown import provenance
-from wbc.identification.answer.words import MEANINGS, Commands, verdict_sentence, what_to_do
+from wbc.identification.answer.words import Commands, verdict_sentence, what_to_do
 from wbc.identification.choice.find_causes import INTERRUPTED
 from wbc.identification.classic import identify
 from wbc.identification.formulas import Discovery, discover
@@ -56,7 +46,6 @@ def run_compare(options: Options, console: Console) -> Outcome:
     with working(console, "comparing"):
         comparison = compare(robot, logs)
     simulated = simulated_later((robot,), logs, console)
-    content = comparison.to_json() | {"provenance": provenance(comparison.sources, command_line())}
     parts: list[Part] = [
         ("the error of every output", comparison.error_rows()),
         ("the open-loop error", lambda: open_loop_shown(simulated())),
@@ -64,6 +53,7 @@ def run_compare(options: Options, console: Console) -> Outcome:
         ("where it fails", comparison.where_rows()),
     ]
     print_out(console, [comparison.sentence], parts, options.quiet, options.verbose)
+    content = comparison.to_json(command_line())
     if options.json:
         content["open_loop"] = simulated()[0].to_json()
     _write_report(options, console, robot, logs, simulated)
@@ -146,7 +136,7 @@ def run_diagnose(options: Options, console: Console) -> Outcome:
     given = {name: getattr(options, name) for name in ("lossless", "columns", "add")}
     commands = Commands(options.logs, options.robot, saved=options.save, **given)
     print_diagnosis(console, diagnosis, commands, simulated, options.quiet, options.verbose)
-    content, discovery = diagnosis.to_json(), None
+    content, discovery = diagnosis.to_json(command_line()), None
     if options.discover:
         with working(console, "discovering") as progress:
             discovery = discover(robot, logs, progress, diagnosis.effects)
@@ -161,7 +151,6 @@ def run_diagnose(options: Options, console: Console) -> Outcome:
     if options.json:
         before, *after = (one.to_json() for one in simulated())
         content["open_loop"] = {"before": before, "after": after[0] if after else before}
-        content["provenance"] = provenance(diagnosis.sources, command_line())
     told = {"diagnosis": diagnosis, "discovery": discovery, "commands": commands}
     _write_report(options, console, robot, logs, simulated, **told)
     return int(diagnosis.verdict in ("unknown", "not_repeatable")), content
@@ -192,7 +181,7 @@ def print_diagnosis(
         verbose: print all of the detail.
     """
     answer: list[RenderableType] = [
-        Text(f"verdict: {diagnosis.verdict} ({MEANINGS[diagnosis.verdict]})", style="bold"),
+        Text(diagnosis.headline, style="bold"),
         verdict_sentence(diagnosis),
         spoken(f"do this now: {what_to_do(diagnosis, commands)}"),
     ]
@@ -266,7 +255,7 @@ def run_trend(options: Options, console: Console) -> Outcome:
     from wbc.identification.trend import find_sessions, follow
 
     robot, sessions = robot_from(options), find_sessions(options.logs)
-    with watching("sessions", console) as watch:
+    with outputs.watching("sessions", console) as watch:
         trend = follow(robot, sessions, options.columns, options.workers, watch)
     failed = [
         f"not measured: {s.machine} {s.date}: {s.failure}" for s in trend.sessions if s.failure
@@ -281,5 +270,5 @@ def run_trend(options: Options, console: Console) -> Outcome:
         from wbc.view.plots import trend_figure
 
         path = f"{options.figures}/trend.png"
-        write_figures(options, {path: partial(trend_figure, trend)}, console)
+        outputs.write_figures(options, {path: partial(trend_figure, trend)}, console)
     return 4 if options.fail_on_drift and trend.drifting else 0, trend.to_json()

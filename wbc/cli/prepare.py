@@ -81,13 +81,10 @@ def _joined(group: Sequence[tuple[str, LogFinding]], logs: int) -> str:
 
 def _in_ranges(texts: Sequence[str]) -> str:
     """Return a text whose numbers run from the least to the most of those in several."""
-    parts = [_NUMBER.split(text) for text in texts]
-    ranges = [
-        sorted(dict.fromkeys(each), key=float)
-        for each in zip(*(p[1::2] for p in parts), strict=True)
-    ]
-    numbers = [each[0] if len(each) == 1 else f"{each[0]}…{each[-1]}" for each in ranges]
-    return "".join(sum(zip(parts[0][::2], [*numbers, ""], strict=True), ()))
+    numbers = zip(*map(_NUMBER.findall, texts), strict=True)
+    each = (sorted(dict.fromkeys(found), key=float) for found in numbers)
+    ranges = (own[0] if len(own) == 1 else f"{own[0]}…{own[-1]}" for own in each)
+    return _NUMBER.sub(lambda _: next(ranges), texts[0])
 
 
 def _answer(qualities: Sequence[LogQuality], remarks: int, quiet: bool) -> str:

@@ -15,10 +15,10 @@ from wbc.identification.answer.diagnosis import (
     Estimate as Estimate,
     Finding as Finding,
     OutputLevel as OutputLevel,
-    Ranked as Ranked,
     Step as Step,
     Verdict as Verdict,
 )
+from wbc.identification.answer.ranking import Ranked as Ranked
 from wbc.identification.answer.remainder import Breakdown as Breakdown
 from wbc.identification.answer.shown import Series as Series
 from wbc.identification.choice.certainty import Support as Support

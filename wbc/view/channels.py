@@ -373,12 +373,11 @@ def _acceleration(
         for axis in range(3)
         if np.abs(record.forces.get(contact.name, np.zeros((row + 1, 3)))[row]).max() > 1.0
     ]
-    free = np.linalg.solve(inertia, torque)
-    if not loaded:
-        return np.asarray(free)
-    jacobian = terms.contact_jacobian[loaded]
-    response = np.linalg.solve(inertia, jacobian.T)
-    return np.asarray(free - response @ np.linalg.pinv(jacobian @ response) @ (jacobian @ free))
+    held = terms.contact_jacobian[loaded]
+    size = len(loaded)
+    equations = np.block([[inertia, held.T], [held, np.zeros((size, size))]])
+    found = np.linalg.lstsq(equations, np.append(torque, np.zeros(size)), rcond=None)[0]
+    return np.asarray(found[: torque.size])
 
 
 _FRAME_RATE = 60.0
@@ -488,8 +487,6 @@ def ghost_at(
     if ghost.position.shape[1] != robot.model.nq:
         raise ViewError(f"the ghost '{ghost.label}' has other joints than '{robot.name}'.")
     rows = np.rint(np.interp(time, ghost.time, np.arange(len(ghost.time)))).astype(np.int_)
-    residual = {
-        joint: np.interp(time, ghost.residual_time, values)
-        for joint, values in ghost.residual.items()
-    }
+    own = ghost.residual.items()
+    residual = {joint: np.interp(time, ghost.residual_time, values) for joint, values in own}
     return kinematics(robot, ghost.position[rows])[0], residual

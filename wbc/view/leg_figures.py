@@ -7,19 +7,15 @@ from textwrap import fill
 import numpy as np
 import pinocchio as pin
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull
 
+from wbc import metrics
 from wbc.arrays import FloatArray
 from wbc.errors import DynamicsError
-from wbc.metrics import (
-    backward_generalized_inertia,
-    force_capability,
-    forward_generalized_inertia,
-    generalized_inertia,
-)
 from wbc.robot import Robot
 from wbc.transmission import Direction
 from wbc.view.palette import LIGHT, Theme
@@ -120,10 +116,10 @@ def _draw_inertia(
         tip = vectors[:, -1] * values[-1]
         ax.plot([0.0, tip[0]], [0.0, tip[1]], color=theme.series[colour], linewidth=0.7)
 
-    draw(_PERFECT, "GIT (perfect gears)", generalized_inertia(robot, q, contact, axes))
-    draw(_BACKWARD, "Backward-GIT", backward_generalized_inertia(robot, q, contact, axes))
+    draw(_PERFECT, "GIT (perfect gears)", metrics.generalized_inertia(robot, q, contact, axes))
+    draw(_BACKWARD, "Backward-GIT", metrics.backward_generalized_inertia(robot, q, contact, axes))
     try:
-        draw(_FORWARD, "Forward-GIT", forward_generalized_inertia(robot, q, contact, axes))
+        draw(_FORWARD, "Forward-GIT", metrics.forward_generalized_inertia(robot, q, contact, axes))
     except DynamicsError:
         ax.plot([], [], " ", label="no Forward-GIT: the base is not driven")
     ax.set_aspect("equal", adjustable="datalim")
@@ -144,7 +140,7 @@ def _legend_below(ax: Axes) -> None:
 def _draw_force(
     ax: Axes, robot: Robot, q: FloatArray, contact: str, axes: str, theme: Theme
 ) -> None:
-    capability = force_capability(robot, q, contact, axes)
+    capability = metrics.force_capability(robot, q, contact, axes)
     polygons = (
         ("hold (backward)", _BACKWARD, Direction.BACKWARD),
         ("perfect gears", _PERFECT, Direction.STUCK),
@@ -158,12 +154,10 @@ def _draw_force(
         except DynamicsError as cause:
             reason = str(cause)
             continue
-        colour, dash = theme.series[number], _DASH[number]
-        ax.add_patch(Polygon(corners, facecolor=colour, alpha=0.13))
-        outline = Polygon(
-            corners, fill=False, edgecolor=colour, linestyle=dash, linewidth=1.4, label=label
-        )
-        ax.add_patch(outline)
+        colour = theme.series[number]
+        patch = Polygon(corners, facecolor=to_rgba(colour, 0.13), edgecolor=colour, label=label)
+        patch.set(linestyle=_DASH[number], linewidth=1.4)
+        ax.add_patch(patch)
     if not ax.patches:
         text = fill(reason, 36)
         ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", fontsize=8)

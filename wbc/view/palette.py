@@ -23,11 +23,7 @@ RESIDUAL_UNDER = "#1B7837"
 SERIES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 """Line colours in order (Okabe and Ito, Color Universal Design, 2008)."""
 
-DIRECTION_COLOURS = {
-    Direction.FORWARD: BLUE,
-    Direction.BACKWARD: VERMILION,
-    Direction.STUCK: GREY,
-}
+DIRECTION_COLOURS = {Direction.FORWARD: BLUE, Direction.BACKWARD: VERMILION, Direction.STUCK: GREY}
 DIRECTION_LABELS = {
     Direction.FORWARD: "motor drives",
     Direction.BACKWARD: "joint drives",

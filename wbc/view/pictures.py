@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
@@ -29,7 +29,6 @@ _FLAGS = (
     "--force-color-profile=srgb",
 )
 _PATIENCE = 60e3  # [ms]
-Result = TypeVar("Result")
 
 
 @contextmanager
@@ -67,11 +66,7 @@ def opened(page: Path, size: tuple[int, int], fragment: str = "") -> Iterator[Pa
 
 
 def write_picture(
-    path: str | Path,
-    playback: str | Path,
-    at: float,
-    *,
-    size: tuple[int, int] = (1280, 800),
+    path: str | Path, playback: str | Path, at: float, *, size: tuple[int, int] = (1280, 800)
 ) -> Path:
     """Write a PNG of a playback page at a time, in the theme of the page.
 
@@ -85,12 +80,7 @@ def write_picture(
         ViewError: no Chromium (the message names the package), or a page that is no playback.
     """
 
-    def take() -> bytes:
-        with opened(Path(playback), size, "still") as page:
-            _prepare(page)
-            return _shown(page, at)
-
-    picture = _in_thread(take)
+    (picture,) = _frames(playback, size, "still", lambda page: [at])
     return atomic_write(path, lambda file: file.write(picture))
 
 
@@ -121,38 +111,43 @@ def write_animation(
     if destination.suffix.lower() != ".gif":
         raise ViewError(f"'{destination}': an animation ends in .gif.")
 
-    def film() -> Path:
-        with opened(Path(playback), size, "still&bare") as page:
-            _prepare(page)
-            begin, end = (
-                float(page.evaluate(f"player.{name}")) if given is None else given
-                for name, given in zip(("start", "stop"), span, strict=True)
-            )
-            if not (end > begin and speed > 0.0 and frame_rate > 0.0):
-                raise ViewError(
-                    f"nothing to animate from {begin:g} s to {end:g} s at speed {speed:g}."
-                )
-            instants = np.arange(begin, end, speed / frame_rate).tolist()
-            taken = [Image.open(io.BytesIO(_shown(page, instant))) for instant in instants]
-            return write_gif(destination, [one.convert("RGB") for one in taken], frame_rate)
+    def instants(page: Page) -> list[float]:
+        begin, end = (
+            float(page.evaluate(f"player.{name}")) if given is None else given
+            for name, given in zip(("start", "stop"), span, strict=True)
+        )
+        if not (end > begin and speed > 0.0 and frame_rate > 0.0):
+            raise ViewError(f"nothing to animate from {begin:g} s to {end:g} s at speed {speed:g}.")
+        return [float(at) for at in np.arange(begin, end, speed / frame_rate)]
 
-    return _in_thread(film)
+    taken = _frames(playback, size, "still&bare", instants)
+    films = [Image.open(io.BytesIO(one)).convert("RGB") for one in taken]
+    return write_gif(destination, films, frame_rate)
 
 
-def _in_thread(work: Callable[[], Result]) -> Result:
-    """Return what work returns; a notebook runs a loop in its thread, where playwright cannot."""
+def _frames(
+    playback: str | Path,
+    size: tuple[int, int],
+    fragment: str,
+    instants: Callable[[Page], Sequence[float]],
+) -> list[bytes]:
+    """Return pictures (PNG) of a playback at some times [s].
+
+    A thread of its own takes them: a notebook runs a loop in its thread, where playwright cannot.
+    """
+
+    def take() -> list[bytes]:
+        with opened(Path(playback), size, fragment) as page:
+            page.wait_for_function("window.player")
+            page.evaluate("() => player.frameCamera()")
+            taken = []
+            for at in instants(page):
+                page.evaluate(f"() => {{ player.seek({at!r}); player.picture(); }}")
+                taken.append(page.screenshot())
+            return taken
+
     with ThreadPoolExecutor(1) as thread:
-        return thread.submit(work).result()
-
-
-def _prepare(page: Page) -> None:
-    page.wait_for_function("window.player")
-    page.evaluate("() => player.frameCamera()")
-
-
-def _shown(page: Page, at: float) -> bytes:
-    page.evaluate(f"() => {{ player.seek({at!r}); player.picture(); }}")
-    return page.screenshot()
+        return thread.submit(take).result()
 
 
 def write_gif(path: Path, films: Sequence[Image.Image], frame_rate: float) -> Path:

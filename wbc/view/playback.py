@@ -23,17 +23,8 @@ from wbc.robot import Robot
 from wbc.robot.coordinates import unit_at
 from wbc.sim.ground import Plane, Terrain
 from wbc.transmission import Direction
+from wbc.view import palette
 from wbc.view.channels import Ghost, Track, ghost_at, make_track
-from wbc.view.palette import (
-    DIRECTION_COLOURS,
-    DIRECTION_LABELS,
-    GHOST,
-    GREEN,
-    RESIDUAL_OVER,
-    RESIDUAL_UNDER,
-    VERMILION,
-    YELLOW,
-)
 from wbc.view.scene import ARROW_HEAD, add_paths, add_robot_scene, surface, terrain_slabs
 from wbc.view.shapes import LinkShape, robot_shapes
 
@@ -42,16 +33,16 @@ _LOADED = 0.02  # weights above which a contact bears something
 _LEAVES = 1.2  # sizes of the robot: one that moves on further is followed, not framed as a whole
 _FRAMED = 200  # frames whose bodies the camera frames: twelve missed the furthest swing of an arm
 _COLOURS = {
-    "modes": {str(int(d)): DIRECTION_COLOURS[d] for d in Direction},
+    "modes": {str(int(d)): palette.DIRECTION_COLOURS[d] for d in Direction},
     "quiet": "#C9CED6",
-    "slip": VERMILION,
-    "over": RESIDUAL_OVER,
-    "under": RESIDUAL_UNDER,
-    "cone": YELLOW,
-    "force": GREEN,
+    "slip": palette.VERMILION,
+    "over": palette.RESIDUAL_OVER,
+    "under": palette.RESIDUAL_UNDER,
+    "cone": palette.YELLOW,
+    "force": palette.GREEN,
     # While residuals are shown, the model has the colour that plots give the model as given.
-    "ghost": VERMILION,
-    "other_ghost": GHOST,
+    "ghost": palette.VERMILION,
+    "other_ghost": palette.GHOST,
 }
 
 
@@ -217,7 +208,7 @@ def write_playback(
         label, (poses, residual) = ghost.label, ghost_at(robot, ghost, track.time)
     shown = _marks(track, marks or {})
     scene = {  # arrays are base64 of float32
-        "modes": {str(int(d)): DIRECTION_LABELS[d] for d in Direction},
+        "modes": {str(int(d)): palette.DIRECTION_LABELS[d] for d in Direction},
         "time": _packed(track.time),
         "robot": _body(robot, track.poses),
         "ghost": None if poses is None else {"label": label, **_body(robot, poses)},

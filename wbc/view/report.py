@@ -16,21 +16,13 @@ from wbc.effects import EFFECTS
 from wbc.errors import needs
 from wbc.files import write_text
 from wbc.identification import Comparison, Diagnosis, OpenLoop, Ranked
+from wbc.identification.answer import shown
 from wbc.identification.answer.comparison import compare_problem
 from wbc.identification.answer.remainder import quantities
-from wbc.identification.answer.shown import (
-    Series,
-    efforts,
-    plain,
-    provenance,
-    series_of,
-    sure,
-    with_deviation,
-)
+from wbc.identification.answer.shown import Series, series_of
 from wbc.identification.answer.words import (
     COMMAND,
-    MEANINGS,
-    TITLES,
+    VERDICTS,
     Commands,
     verdict_sentence,
     what_to_do,
@@ -111,41 +103,32 @@ def write_report(
     data |= {"steps": steps, "fitted": bool(diagnosis and diagnosis.findings)}
     context: dict[str, Any] = {
         "title": f"{robot.name}: {'comparison' if diagnosis is None else 'diagnosis'}",
-        "robot": robot,
-        "diagnosis": diagnosis,
-        "comparison": comparison,
-        "discovery": discovery,
         "left": comparison.error_rows() if diagnosis is None else diagnosis.left_rows(),
         "open_loop": open_loop_rows(simulated) if simulated else None,
-        "simulated": simulated,
         "clocks": clock_rows(qualities),
         "quality": [quality for quality in qualities if quality.findings],
         "dependences": [b for b in comparison.where if b.share > _STRONG][:_MOST_DEPENDENCES],
         "variables": _VARIABLES,
-        "efforts": efforts(o.unit for o in comparison.outputs),
-        "steps": steps,
+        "efforts": shown.efforts(o.unit for o in comparison.outputs),
         "words": ranking_words(() if diagnosis is None else diagnosis.ranking),
         "provenance": provenance_rows([log.source for log in logs], command),
         "logs": data["logs"],
         "playback": embedded(_playback(robot, logs[0], comparison)),
         "data": embedded(data),
         "plotly": get_plotlyjs(),
-        **headline(comparison, diagnosis, commands),
     }
-    return write_text(path, _rendered(context))
-
-
-def _rendered(context: dict[str, Any]) -> str:
-    """Return the page with the names that its template uses."""
+    context |= {"robot": robot, "diagnosis": diagnosis, "comparison": comparison, "steps": steps}
+    context |= {"discovery": discovery, "simulated": simulated}
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent / "page"),
         undefined=StrictUndefined,
         autoescape=True,
         finalize=_unbroken,
     )
-    used = spoken, titled, plain, sure, with_deviation, short_label
+    used = spoken, titled, shown.plain, shown.sure, shown.with_deviation, short_label
     environment.filters |= {one.__name__: one for one in used}
-    return environment.get_template("report.html.j2").render(context)
+    page = environment.get_template("report.html.j2")
+    return write_text(path, page.render(context | headline(comparison, diagnosis, commands)))
 
 
 def _unbroken(value: object) -> object:
@@ -159,27 +142,21 @@ def headline(
     comparison: Comparison, diagnosis: Diagnosis | None, commands: Commands | None
 ) -> dict[str, Any]:
     """Return the verdict with its meaning, the first sentence, the others, what to do now."""
-    if diagnosis is None:
-        verdict, badge, text, to_do = "compared", "compared", comparison.sentence, ""
-        meaning = "the model beside the logs, nothing was fitted"
-    else:
+    verdict = badge = "compared"
+    meaning, to_do = "the model beside the logs, nothing was fitted", ""
+    text = comparison.sentence
+    if diagnosis is not None:
         verdict, text = diagnosis.verdict, verdict_sentence(diagnosis)
-        badge, meaning = TITLES[verdict], MEANINGS[verdict]
-        to_do = what_to_do(diagnosis, commands)
+        (badge, meaning), to_do = VERDICTS[verdict], what_to_do(diagnosis, commands)
     first, stop, rest = text.partition(". ")
-    return {
-        "verdict": verdict,
-        "badge": badge,
-        "meaning": meaning,
-        "sentence": first + ("." if stop else ""),
-        "more": rest,
-        "to_do": [(line.startswith(COMMAND), line.strip()) for line in to_do.splitlines()],
-    }
+    lines = [(line.startswith(COMMAND), line.strip()) for line in to_do.splitlines()]
+    told = {"verdict": verdict, "badge": badge, "meaning": meaning, "to_do": lines}
+    return told | {"sentence": first + ("." if stop else ""), "more": rest}
 
 
 def provenance_rows(sources: Sequence[LogSource], command: str) -> dict[str, str]:
     """Return label -> text of how to reproduce a result."""
-    facts = provenance(sources, command)
+    facts = shown.provenance(sources, command)
     rows = {"command": command} if command else {}
     rows["versions"] = ", ".join(f"{name} {number}" for name, number in facts["versions"].items())
     rows["python"] = facts["python"]
@@ -201,7 +178,7 @@ def stairs(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         {
             "label": f"+ {spoken(step.added)} at {step.where}" if step.added else "as given",
             "error": step.error,
-            "told": plain(step.error, 2),
+            "told": shown.plain(step.error, 2),
         }
         for step in diagnosis.steps
     ]
@@ -243,31 +220,23 @@ def residual_plots(
         fitted: the same of the robot with the effects found.
     """
     robot, runs = problem.robot, list(zip(problem.records, given, fitted, strict=True))
-    names, floor = output_names(robot), problem.floor.values
+    names, units = output_names(robot), output_units(robot)
     before, after = (np.concatenate([one.residual for one in each]) for each in (given, fitted))
     rows = min(_ROWS, max(100, _NUMBERS // (6 * len(runs) * len(names))))
     few = slice(None, None, max(1, -(-len(before) // _POINTS)))
     panels = []
-    for k, (output, unit) in enumerate(zip(names, output_units(robot), strict=True)):
-        driven = k < robot.transmission.size
+    for k, unit in enumerate(units):
+        driven, over = k < robot.transmission.size, []
         seen = [(record, quantities(record, k)) for record in problem.records]
-        over = []
         for name in ("speed", "position", "load") if driven else ("speed",):
             told = seen[0][1][name][0]
             own_unit = told.replace("N m", "N").replace("rad", "m") if unit == "N" else told
             values = np.concatenate([one.thinned(own[name][1]) for one, own in seen])
             over.append({"name": name, "unit": own_unit, "x": _short(values[few])})
-        panels.append(
-            {
-                "output": output,
-                "unit": unit,
-                "floor": float(floor[k]),
-                "over": over,
-                "before": _short(before[few, k]),
-                "after": _short(after[few, k]),
-                "runs": [_over_time(*run, k, driven, rows) for run in runs],
-            }
-        )
+        left = {"before": _short(before[few, k]), "after": _short(after[few, k])}
+        panel = {"output": names[k], "unit": unit, "floor": float(problem.floor.values[k])}
+        lines = [_over_time(*run, k, driven, rows) for run in runs]
+        panels.append(panel | {"over": over, **left, "runs": lines})
     return {"logs": [short_label(one.name) for one in given], "panels": panels}
 
 

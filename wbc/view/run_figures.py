@@ -15,16 +15,7 @@ from wbc.dynamics import contact_torque
 from wbc.identification.records.channels import contact_forces
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.view.channels import (
-    base_pitch,
-    configuration,
-    gear_flow,
-    gear_powers,
-    kinematics,
-    log_impacts,
-    rotor_torque,
-    velocity,
-)
+from wbc.view import channels
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.style import (
     DASHES,
@@ -50,8 +41,8 @@ def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
         theme: page colours.
     """
     gears = robot.transmission
-    flow = gear_flow(robot, log, SHOWN * log.duration)
-    impacts = log_impacts(robot, log)
+    flow = channels.gear_flow(robot, log, SHOWN * log.duration)
+    impacts = channels.log_impacts(robot, log)
     with drawing(theme):
         figure, grid = new_figure(gears.size, 2, 9.0, 2.1 * gears.size + 0.6, share_x=True)
         for i, joint in enumerate(gears.joints):
@@ -95,7 +86,7 @@ def energy_audit(robot: Robot, log: Log) -> dict[str, FloatArray]:
         log: positions or velocities; torques and contact forces that are held from each row to the
             next, as in a recording of the simulator.
     """
-    position, speed = configuration(robot, log), velocity(robot, log)
+    position, speed = channels.configuration(robot, log), channels.velocity(robot, log)
     model, data, gears = robot.model, robot.model.createData(), robot.transmission
     states = zip(position, speed, strict=True)
     links = np.array([pin.computeKineticEnergy(model, data, q, v) for q, v in states])
@@ -105,14 +96,15 @@ def energy_audit(robot: Robot, log: Log) -> dict[str, FloatArray]:
     # The torque of a row is held to the next, while the speed changes between the two. Powers that
     # are sampled at the rows miss how a controller answers to noise: over two squats of the leg
     # they leave 0.12 J of 18 J unexplained, these 0.008 J, as the simulator's own balance does.
-    torque, middle = rotor_torque(robot, log)[:-1], 0.5 * (output[1:] + output[:-1])
+    torque, middle = channels.rotor_torque(robot, log)[:-1], 0.5 * (output[1:] + output[:-1])
     growth = np.diff(output, axis=0) / np.diff(log.time)[:, None]
     drive = torque * gears.gear_ratio * middle
-    _, loss = gear_powers(gears, torque, middle, growth)
+    _, loss = channels.gear_powers(gears, torque, middle, growth)
     force = contact_torque(robot, position, contact_forces(robot, log))
     push = force[:-1] * 0.5 * (speed[1:] + speed[:-1])
     powers = (np.nansum(power, axis=1) for power in (drive, push, loss))
-    motor, ground, heat = (_sum(log.time, power) for power in powers)
+    steps = np.diff(log.time)
+    motor, ground, heat = (np.append(0.0, np.cumsum(power * steps)) for power in powers)
     kinetic, potential = kinetic - kinetic[0], height - height[0]
     return {
         "work of the motors": motor,
@@ -156,18 +148,10 @@ def energy_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
     return figure
 
 
-def _sum(time: FloatArray, power: FloatArray) -> FloatArray:
-    return np.concatenate([[0.0], np.cumsum(power * np.diff(time))])
-
-
 _CUT = 4.0  # weights at which the axis of the force ends where something lands
 
 
-def standing_figure(
-    robot: Robot,
-    runs: Mapping[str, Log],
-    theme: Theme = LIGHT,
-) -> Figure:
+def standing_figure(robot: Robot, runs: Mapping[str, Log], theme: Theme = LIGHT) -> Figure:
     """Return height, sway and pitch of the centre of mass and base, rotor torques and ground force.
 
     Torque and force that noise shakes are shown as their mean, of a single run in front of every
@@ -179,7 +163,7 @@ def standing_figure(
         theme: page colours.
     """
     limits = robot.transmission.torque_limit
-    impacts = {label: log_impacts(robot, log) for label, log in runs.items()}
+    impacts = {label: channels.log_impacts(robot, log) for label, log in runs.items()}
     with drawing(theme):
         rows = 4 + robot.transmission.size
         figure, grid = new_figure(rows, 1, 7.0, 1.25 * rows + 0.6, share_x=True)
@@ -213,14 +197,14 @@ def standing_figure(
 
 def _standing_signals(robot: Robot, log: Log) -> dict[str, tuple[str, FloatArray]]:
     """Return title -> label of the axis and values (N,); sway from the first contact at its end."""
-    poses, center, points = kinematics(robot, configuration(robot, log))
+    poses, center, points = channels.kinematics(robot, channels.configuration(robot, log))
     start = points[-1, 0, 0] if robot.contacts else 0.0
-    torque = rotor_torque(robot, log)
+    torque = channels.rotor_torque(robot, log)
     vertical = (force[:, 2] for force in contact_forces(robot, log).values())
     return {
         "height of the centre of mass": ("height [m]", center[:, 2]),
         "sway of the centre of mass": ("sway [mm]", 1e3 * (center[:, 0] - start)),
-        "pitch of the base": ("pitch [deg]", np.degrees(base_pitch(robot, poses))),
+        "pitch of the base": ("pitch [deg]", np.degrees(channels.base_pitch(robot, poses))),
         **{
             f"rotor torque, {joint}": ("torque [N m]", torque[:, k])
             for k, joint in enumerate(robot.transmission.joints)

@@ -18,14 +18,7 @@ from wbc.identification.trend import Trend
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.style import DASHES, drawing, legend_above, new_figure, panel_figure
 
-MAPPED = (
-    "lift",
-    "hold",
-    "backward_inertia",
-    "impact_mitigation",
-    "heat_saved",
-    "holding_torque",
-)
+MAPPED = ("lift", "hold", "backward_inertia", "impact_mitigation", "heat_saved", "holding_torque")
 _SHARES = ("impact_mitigation", "heat_saved")  # between 0 and 1: evenly spread colours
 _DECADE = 20.0  # largest over smallest value from which colours are spread by the logarithm
 _SPREAD = 1e-6  # relative; a column that varies less than that shows nothing

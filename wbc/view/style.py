@@ -130,17 +130,10 @@ def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
 
 def fill_power(axes: Axes, time: FloatArray, power: FloatArray, directions: FloatArray) -> None:
     """Fill the area between a power and zero in the colour of its direction."""
+    look: dict[str, Any] = {"alpha": 0.75, "linewidth": 0.0, "step": "mid"}
     for mode, colour in DIRECTION_COLOURS.items():
-        axes.fill_between(
-            time,
-            power,
-            where=directions == mode,
-            color=colour,
-            alpha=0.75,
-            linewidth=0.0,
-            step="mid",
-            label=DIRECTION_LABELS[mode],
-        )
+        inside, label = directions == mode, DIRECTION_LABELS[mode]
+        axes.fill_between(time, power, where=inside, color=colour, label=label, **look)
 
 
 def mark_impacts(axes: Axes, impacts: Sequence[RecordedImpact], colour: str) -> None:

@@ -4,7 +4,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -22,10 +22,11 @@ from wbc.identification import (
     OutputLevel,
     Step,
     Support,
+    Verdict,
     diagnose,
     open_loop,
 )
-from wbc.identification.answer.words import MEANINGS, TITLES, verdict_sentence, what_to_do
+from wbc.identification.answer.words import VERDICTS, verdict_sentence, what_to_do
 from wbc.identification.formulas import discover
 from wbc.measurement import Log
 from wbc.sim.excitation import record_with
@@ -130,7 +131,7 @@ def test_what_a_reader_who_knew_nothing_did_not_understand_is_said(
     seen = text[: text.index("<script>")]
     # The verdict in words, the robot's name with what it means ("fixed" was read as repaired).
     assert ">likely, not certain</span>" in seen
-    assert TITLES.keys() == MEANINGS.keys()
+    assert VERDICTS.keys() == set(get_args(Verdict))
     assert "planar_leg_fixed (fixed base)" in seen
     # Two kinds of certainty say what they are about.
     assert "60\u00a0% sure</span> that it is there" in seen

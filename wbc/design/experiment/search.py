@@ -22,7 +22,7 @@ from wbc.design.experiment.motions import (
 from wbc.design.experiment.rivals import Pair, Predictions, Rivals
 from wbc.errors import DesignError
 from wbc.files import as_json
-from wbc.identification.answer.diagnosis import effect_entry
+from wbc.identification.answer.ranking import effect_entry
 from wbc.parallel import Watch
 
 RANDOM, CLASSIC, DESIGNED = "random, median", "D-optimal", "designed"

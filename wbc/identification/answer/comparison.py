@@ -4,36 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.stats import sem
 
-from wbc.arrays import FloatArray
-from wbc.errors import IdentificationError, needs
+from wbc.errors import IdentificationError
 from wbc.files import as_json
-from wbc.identification.answer.remainder import Breakdown, breakdowns
-from wbc.identification.answer.shown import (
-    Series,
-    efforts,
-    on_one_screen,
-    plain,
-    provenance,
-    series_of,
-)
+from wbc.identification.answer.remainder import Breakdown, dependences
+from wbc.identification.answer.shown import Series, Shown, efforts, plain, provenance, series_of
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.noise import NoiseFloor
-from wbc.identification.records.not_judged import without_links
-from wbc.identification.records.record import by_log, output_names, output_units
+from wbc.identification.records.not_judged import told_outputs
+from wbc.identification.records.record import rms
 from wbc.measurement import Log, LogSource
 from wbc.robot import Robot
 from wbc.tables import TextTable
 from wbc.transmission import DRIVE_TIMES
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 _PLACES = 8  # rows of what an error depends on
 _STANDARD_ERRORS = 2.0
@@ -63,8 +51,8 @@ class OutputError:
         return self.rms / self.floor
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Shown):
     """Residuals of a robot on logs.
 
     Attributes:
@@ -131,34 +119,16 @@ class Comparison:
             "share of the residual's variance that its mean over this variable explains",
         )
 
-    def __str__(self) -> str:
-        """Return the sentence, and a line per output."""
-        return "\n".join([self.sentence, str(self.error_rows()), *self.warnings])
+    def tables(self) -> tuple[TextTable, ...]:
+        """Return a line per output."""
+        return (self.error_rows(),)
 
-    def __repr__(self) -> str:
-        """Return what `print` shows, cut to one screen."""
-        return on_one_screen(str(self))
+    def models(self) -> list[tuple[str, Sequence[Series]]]:
+        """Return the torques of the robot."""
+        return [("model", self.series)]
 
-    def _repr_html_(self) -> str:
-        """Return the answer as a notebook shows it."""
-        return f"<p><b>{escape(self.sentence)}</b></p>{self.error_rows().html()}"
-
-    def plot(self, log: int = 0) -> Figure:
-        """Return measured and modelled torque of one log over time, with the residual.
-
-        Args:
-            log: number of the log.
-
-        Raises:
-            MissingPackageError: matplotlib is not installed.
-        """
-        units = {o.output: o.unit for o in self.outputs[: self.robot.transmission.size]}
-        with needs("view", "plot()"):
-            from wbc.identification.answer.figure import torque_figure
-        return torque_figure(units, [("model", self.series)], log)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return plain numbers, texts, lists and dictionaries."""
+    def to_json(self, command: str = "") -> dict[str, Any]:
+        """Return plain numbers, texts, lists and dictionaries; `command` is how to run it again."""
         return {
             "robot": self.robot.name,
             "error": self.error,
@@ -167,7 +137,7 @@ class Comparison:
             "where": as_json(self.where),
             "logs": [s.name for s in self.series],
             "warnings": list(self.warnings),
-            "provenance": provenance(self.sources),
+            "provenance": provenance(self.sources, command),
         }
 
 
@@ -189,39 +159,25 @@ def compare_problem(problem: EstimationProblem, sources: tuple[LogSource, ...] =
         problem: the robot and the logs.
         sources: where the logs came from.
     """
-    records = problem.records
-    residuals = by_log(records, problem.residual)
-    whitened = problem.residual @ problem.whitening
-    series = series_of(problem.robot, records)
-    outputs = _outputs(problem, series)
-    shown = {output.output for output in outputs}
+    records, robot = problem.records, problem.robot
+    series, left = series_of(robot, records), problem.residual
+    outputs, where = [], []
+    for k, name, unit in told_outputs(robot):
+        driven = k < robot.transmission.size
+        given = np.concatenate([s.measured[:, k] for s in series]) if driven else np.full(1, np.nan)
+        numbers = map(float, (rms(left[:, k]), problem.floor.values[k], rms(given)))
+        outputs.append(OutputError(name, unit, *numbers))
+        where += dependences(records, left[:, k], k)
     return Comparison(
-        robot=problem.robot,
-        outputs=outputs,
-        error=float(np.sqrt(np.mean(whitened**2))),
+        robot=robot,
+        outputs=tuple(outputs),
+        error=float(rms((left @ problem.whitening).ravel())),
         floor=problem.floor,
-        where=tuple(b for b in breakdowns(records, residuals) if b.output in shown),
+        where=tuple(sorted(where, key=lambda b: -b.share)),
         series=series,
         warnings=problem.warnings,
         sources=sources,
     )
-
-
-def _outputs(problem: EstimationProblem, series: Sequence[Series]) -> tuple[OutputError, ...]:
-    units, unknown = output_units(problem.robot), without_links(problem.robot)
-    size = problem.robot.transmission.size
-    given = np.full(len(units), np.nan)
-    given[:size] = _rms(np.concatenate([s.measured for s in series]))
-    left, floor = _rms(problem.residual), problem.floor.values
-    return tuple(
-        OutputError(name, units[k], float(left[k]), float(floor[k]), float(given[k]))
-        for k, name in enumerate(output_names(problem.robot))
-        if k not in unknown
-    )
-
-
-def _rms(rows: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(np.mean(rows**2, axis=0)))
 
 
 @dataclass(frozen=True)
@@ -259,23 +215,19 @@ def rank_robots(robots: Mapping[str, Robot], logs: Sequence[Log]) -> tuple[Conte
         LogError: a channel is missing.
     """
     problem = EstimationProblem.from_logs(_reference(robots), logs)
-    squares = {name: _squares(problem, robot) for name, robot in robots.items()}
-    order = sorted(squares, key=lambda name: float(squares[name].mean()))
-    best, ranked = squares[order[0]], []
-    for name in order:
-        own = squares[name]
-        blocks = problem.block_means((own - best).mean(axis=1))
-        deviation = float(np.std(blocks, ddof=1) / np.sqrt(blocks.size))
-        difference = float(own.mean() - best.mean())
+    squares = {}
+    for name, robot in robots.items():
+        records = [record.believing(robot) for record in problem.records]
+        squares[name] = (condensed_residual(robot, records) @ problem.whitening) ** 2
+    best, *others = sorted(squares, key=lambda name: float(squares[name].mean()))
+    ranked = []
+    for name in (best, *others):
+        apart = squares[name] - squares[best]
+        difference, deviation = float(apart.mean()), float(sem(problem.block_means(apart.mean(1))))
         clear = difference > _STANDARD_ERRORS * deviation
-        contestant = Contestant(
-            name=name,
-            error=float(np.sqrt(own.mean())),
-            difference=difference,
-            deviation=deviation,
-            standing="best" if name == order[0] else "worse" if clear else "not distinguishable",
-        )
-        ranked.append(contestant)
+        standing = "best" if name == best else "worse" if clear else "not distinguishable"
+        error = float(np.sqrt(squares[name].mean()))
+        ranked.append(Contestant(name, error, difference, deviation, standing))
     return tuple(ranked)
 
 
@@ -294,13 +246,7 @@ def _reference(robots: Mapping[str, Robot]) -> Robot:
                 f"'{name}' and '{first}' have different joints and cannot be compared: "
                 f"{', '.join(robot.model.names)} and {', '.join(reference.model.names)}."
             )
-    drives = [robot.transmission for robot in robots.values()]
-    if known := [gears for gears in drives if np.isfinite(gears.target_delay).any()]:
-        times = {name: getattr(known[0], name) for name in DRIVE_TIMES}
-        reference = reference.with_drive_times(times)
+    for gears in (robot.transmission for robot in robots.values()):
+        if np.isfinite(gears.target_delay).any():
+            return reference.with_drive_times({name: getattr(gears, name) for name in DRIVE_TIMES})
     return reference
-
-
-def _squares(problem: EstimationProblem, robot: Robot) -> FloatArray:
-    records = [record.believing(robot) for record in problem.records]
-    return np.asarray((condensed_residual(robot, records) @ problem.whitening) ** 2)

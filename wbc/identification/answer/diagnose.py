@@ -12,44 +12,25 @@ from pathlib import Path
 import numpy as np
 
 from wbc.effects import EFFECTS
-from wbc.identification.answer.diagnosis import (
-    Diagnosis,
-    ErrorLevel,
-    Finding,
-    OutputLevel,
-    Step,
-    Verdict,
-    correlation_of,
-    rank_hypotheses,
-)
+from wbc.identification.answer import diagnosis as told
+from wbc.identification.answer.diagnosis import Diagnosis, Finding, Verdict
 from wbc.identification.answer.findings import describe_findings
 from wbc.identification.answer.model_to_use import Answer, model_to_use
-from wbc.identification.answer.remainder import (
-    Attainable,
-    Remainder,
-    common_trait,
-    describe,
-    remainders,
-)
+from wbc.identification.answer.ranking import correlation_of, rank_hypotheses
+from wbc.identification.answer.remainder import Remainder, common_trait, describe, remainders
 from wbc.identification.answer.shown import series_of
 from wbc.identification.answer.words import not_following
+from wbc.identification.choice import find_causes as search
 from wbc.identification.choice.certainty import CERTAIN, EVEN, Support
 from wbc.identification.choice.evidence import Hypothesis, Key
-from wbc.identification.choice.find_causes import (
-    INTERRUPTED,
-    SearchResult,
-    find_causes,
-    look_closer,
-)
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.readings.checks import without_copies
 from wbc.identification.readings.first_guess import guessed_numbers
 from wbc.identification.records.noise import NoiseFloor
-from wbc.identification.records.not_judged import without_links
-from wbc.identification.records.record import output_names, output_units
+from wbc.identification.records.not_judged import told_outputs
+from wbc.identification.records.record import rms
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 from wbc.tables import FEW, joined
@@ -99,38 +80,37 @@ def diagnose(
     begun = time.monotonic()
     different, warnings = without_copies(logs)
     problem = EstimationProblem.from_logs(robot, different)
-    still = problem.still
-    nothing_moves = len(still) == robot.transmission.size
+    nothing_moves = len(problem.still) == robot.transmission.size
     all_silent = bool(problem.silent) and set(problem.judged_joints) <= set(problem.silent)
     # A robot at rest shows one torque per joint, which anything explains. So does what is no torque
     # of the motion: on a recorded pendulum a soft gear that its other logs contradict was certain.
     wanted = EFFECTS.values() if candidates is None else candidates
     classes = () if nothing_moves or all_silent else tuple(wanted)
     until = begun + _SEARCH * budget
-    found = find_causes(problem, classes, progress, until)
+    found = search.find_causes(problem, classes, progress, until)
     if not found.stopped and (retimed := problem.retimed(robot, found.final.effects)):
         progress("searching again: beside what was found, the drives have other times")
-        found = find_causes(retimed, classes, progress, until)
-    found = look_closer(found, classes, progress)
+        found = search.find_causes(retimed, classes, progress, until)
+    found = search.look_closer(found, classes, progress)
     answer, found = _answered(found, classes, begun + budget)
     trials = found.trials
     problem, first = trials.problem, trials.nothing
-    warnings += [
-        *problem.warnings,
-        *about_silent(problem.silent, every=all_silent),
-        *map(_STILL.format, still),
-        *_about_the_search(found),
-    ]
-    final, odds, support = answer.hypothesis, answer.odds, answer.support
+    final, support, fit = answer.hypothesis, answer.support, trials.fit(answer.hypothesis)
     verdict = verdict_of(problem, first, final, support, answer.more)
-    fit = trials.fit(final)
     left = remainders(problem, fit) if answer.more else ()
     findings = describe_findings(trials, answer)
     doubtful = [key for key in final.keys if support[key].group_probability < EVEN]
     several = len({name for name, _ in doubtful}) > 1
-    known = {c.name: c for c in classes}
-    asked = next_experiment(verdict, findings, left, problem.floor, known, problem.silent)
-    asked = NOTHING_MOVES if nothing_moves else asked
+    asked = NOTHING_MOVES
+    if not nothing_moves:
+        known = {c.name: c for c in classes}
+        asked = next_experiment(verdict, findings, left, problem.floor, known, problem.silent)
+    warnings += [
+        *problem.warnings,
+        *about_silent(problem.silent, every=all_silent),
+        *map(_STILL.format, problem.still),
+        *_about_the_search(found),
+    ]
     if robot.source and (guessed := ", ".join(guessed_numbers(robot.source.name))):
         file = Path(robot.source.name).name
         look_up = f"Look up {guessed} in {file}: every answer rests on these guesses."
@@ -144,14 +124,14 @@ def diagnose(
         verdict=verdict,
         findings=findings,
         next_experiment=asked,
-        error=ErrorLevel(before, after, 1.0, problem.floor.source),
-        outputs=_outputs(problem, fit, answer.level),
+        error=told.ErrorLevel(before, after, 1.0, problem.floor.source),
+        outputs=_outputs(problem, fit.robot, answer),
         explained=explained_share(first, final),
         steps=_steps(trials, final),
         remainder=describe(left),
         robot=fit.robot,
         warnings=tuple(warnings),
-        ranking=rank_hypotheses(trials, odds, final),
+        ranking=rank_hypotheses(trials, answer.odds, final),
         correlation=correlation_of(problem, fit),
         before=series_of(problem.robot, problem.records),
         after=series_of(fit.robot, problem.records),
@@ -163,8 +143,8 @@ def diagnose(
 
 
 def _answered(
-    found: SearchResult, classes: Sequence[type[Effect]], ends: float
-) -> tuple[Answer, SearchResult]:
+    found: search.SearchResult, classes: Sequence[type[Effect]], ends: float
+) -> tuple[Answer, search.SearchResult]:
     """Return the answer, made of what is known when the time ends or at Ctrl-C.
 
     Args:
@@ -174,12 +154,12 @@ def _answered(
     """
     trials = found.trials
     trials.answering = True
-    trials.until = -inf if found.stopped == INTERRUPTED else ends
+    trials.until = -inf if found.stopped == search.INTERRUPTED else ends
     try:
         return model_to_use(found, classes), found
     except KeyboardInterrupt:
         trials.until = -inf
-        found = replace(found, stopped=INTERRUPTED)
+        found = replace(found, stopped=search.INTERRUPTED)
         return model_to_use(found, classes), found
 
 
@@ -194,7 +174,7 @@ def about_silent(joints: Sequence[str], *, every: bool = False) -> list[str]:
     return [_SILENT.format(", ".join(joints), so)] if joints else []
 
 
-def _about_the_search(found: SearchResult) -> list[str]:
+def _about_the_search(found: search.SearchResult) -> list[str]:
     """Return what a reader must know of a search that ended early or left effects out."""
     texts = []
     if found.stopped:
@@ -207,43 +187,33 @@ def _about_the_search(found: SearchResult) -> list[str]:
     return texts
 
 
-def _outputs(problem: EstimationProblem, fit: Fit, level: Attainable) -> tuple[OutputLevel, ...]:
-    names, units = output_names(problem.robot), output_units(problem.robot)
-    left = condensed_residual(fit.robot, problem.records)
-    kept = problem.floor.judged.tolist()
-    share = dict(zip(kept, np.sqrt(level.attainable / np.maximum(level.left, 1e-300)), strict=True))
-    before, after = (np.sqrt(np.mean(r**2, axis=0)) for r in (problem.residual, left))
-    floor, excess = problem.floor.values, problem.floor.excesses
-    unknown = without_links(problem.robot)
-    return tuple(
-        OutputLevel(
-            output=name,
-            unit=units[k],
-            before=float(before[k]),
-            after=float(after[k]),
-            attainable=float(max(after[k] * share.get(k, 1.0), min(after[k], floor[k]))),
-            floor=float(floor[k]),
-            judged=k in share,
-            excess=float(excess[k]),
-        )
-        for k, name in enumerate(names)
-        if k not in unknown
-    )
+def _outputs(
+    problem: EstimationProblem, robot: Robot, answer: Answer
+) -> tuple[told.OutputLevel, ...]:
+    level, floor, judged = answer.level, problem.floor, problem.floor.judged
+    before, after = rms(problem.residual), rms(condensed_residual(robot, problem.records))
+    reached, kept = np.ones_like(after), np.isin(np.arange(after.size), judged)
+    reached[judged] = np.sqrt(level.attainable / np.maximum(level.left, 1e-300))
+    reached = np.maximum(after * reached, np.minimum(after, floor.values))
+    columns = before, after, reached, floor.values, kept, floor.excesses
+    rows = list(zip(*(column.tolist() for column in columns), strict=True))
+    told_of = told_outputs(problem.robot)
+    return tuple(told.OutputLevel(name, unit, *rows[k]) for k, name, unit in told_of)
 
 
-def _steps(trials: Trials, final: Hypothesis) -> tuple[Step, ...]:
+def _steps(trials: Trials, final: Hypothesis) -> tuple[told.Step, ...]:
     """Return the staircase of the causes that stayed, in the order in which they act.
 
     An effect at several places that follow one another is one step.
     """
-    steps, count = [Step("", "", float(np.sqrt(trials.nothing.error)))], 0
+    steps, count = [told.Step("", "", float(np.sqrt(trials.nothing.error)))], 0
     for name, several in groupby(final.effects, key=lambda effect: effect.name):
         places = [effect.where for effect in several]
         count += len(places)
         whole = count == len(final.effects)
         smaller = [final] if whole else trials.rivals_of(final, [final.effects[:count]])
         where = joined(places) if len(places) <= FEW else f"{len(places)} places"
-        steps += [Step(name, where, float(np.sqrt(h.error))) for h in smaller]
+        steps += [told.Step(name, where, float(np.sqrt(h.error))) for h in smaller]
     return tuple(steps)
 
 
@@ -268,7 +238,11 @@ def verdict_of(
     """
     if more:
         certain = any(s.group_probability >= CERTAIN for s in support.values())
-        return "partial" if certain and _substantial(first, final) else "unknown"
+        # Whether the causes found explain a substantial part of what was missing at some output.
+        before = np.maximum(first.outputs - 1.0, 1e-300)
+        share = 1.0 - np.maximum(final.outputs - 1.0, 0.0) / before
+        substantial = np.any((share > _SUBSTANTIAL) & (before > 1.0))
+        return "partial" if certain and substantial else "unknown"
     if not support:
         return "none" if problem.floor.excesses.max() < _DISAGREEMENT else "not_repeatable"
     likely = [s for s in support.values() if s.group_probability >= EVEN]
@@ -281,13 +255,6 @@ def verdict_of(
     if certain and len(open_names) > 1:
         return "partial"
     return "named" if certain and not any(s.group > s.odds for s in likely) else "ambiguous"
-
-
-def _substantial(first: Hypothesis, final: Hypothesis) -> bool:
-    """Whether the causes found explain a substantial part of what was missing at some output."""
-    before = np.maximum(first.outputs - 1.0, 1e-300)
-    share = 1.0 - np.maximum(final.outputs - 1.0, 0.0) / before
-    return bool(np.any((share > _SUBSTANTIAL) & (before > 1.0)))
 
 
 def explained_share(first: Hypothesis, final: Hypothesis) -> float:
@@ -329,11 +296,30 @@ def next_experiment(
             "(temperature, mounting, payload, supply) and record one motion several times."
         )
     if verdict in ("unknown", "partial"):
-        other = [one for one in left if one.output not in silent]
-        known = [_of_what_is_left(other, floor)] if other or not silent else []
-        return " ".join([*_of_silent(silent), *known])
+        return _to_learn_more(left, floor, silent)
     texts = _to_tell_apart(findings, classes)
     return " ".join(texts or dict.fromkeys(finding.effect.experiment for finding in findings))
+
+
+def _to_learn_more(left: Sequence[Remainder], floor: NoiseFloor, silent: Sequence[str]) -> str:
+    """Return what to do about drives that report no torque of the motion, and what is left."""
+    texts = []
+    if silent:
+        it, joints = ("it", "this joint") if len(silent) == 1 else ("them", "these joints")
+        texts.append(
+            f"{not_following(silent)}, so these logs say nothing about {joints}. Move {it} faster "
+            "or with a known weight. If the torque still does not follow, correct its column, its "
+            f"unit or the torque constant, or look for what acts on {it} and is not in the model."
+        )
+    other = sorted((one for one in left if one.output not in silent), key=lambda one: -one.floors)
+    if other or not silent:
+        asked = list(dict.fromkeys(one.experiment for one in other if one.experiment))[:_ASKED]
+        texts += [f"{text[:1].upper()}{text[1:]}." for text in asked]
+        if not floor.repeats:
+            texts.append("Repeat one run exactly: that shows how much of what is left is noise.")
+        if not asked:
+            texts.append("Move one joint at a time, slowly and fast, through the same positions.")
+    return " ".join(texts)
 
 
 def _to_tell_apart(findings: Sequence[Finding], classes: Mapping[str, type[Effect]]) -> list[str]:
@@ -360,26 +346,3 @@ def _motion(kind: type[Effect]) -> str:
     """Return the motion that shows an effect, without what it shows: the logs will tell that."""
     motion = kind.experiment.partition(": ")[0].rstrip(".")
     return motion[:1].lower() + motion[1:]
-
-
-def _of_silent(silent: Sequence[str]) -> list[str]:
-    """Return what to do about drives that report no torque of the motion."""
-    if not silent:
-        return []
-    it, joints = ("it", "this joint") if len(silent) == 1 else ("them", "these joints")
-    return [
-        f"{not_following(silent)}, so these logs say nothing about {joints}. Move {it} faster or "
-        "with a known weight. If the torque still does not follow, correct its column, its unit or "
-        f"the torque constant, or look for what acts on {it} and is not in the model."
-    ]
-
-
-def _of_what_is_left(left: Sequence[Remainder], floor: NoiseFloor) -> str:
-    worst = sorted(left, key=lambda one: -one.floors)
-    asked = list(dict.fromkeys(one.experiment for one in worst if one.experiment))[:_ASKED]
-    texts = [f"{text[:1].upper()}{text[1:]}." for text in asked]
-    if not floor.repeats:
-        texts.append("Repeat one run exactly: that shows how much of what is left is noise.")
-    if not asked:
-        texts.append("Move one joint at a time, slowly and fast, through the same positions.")
-    return " ".join(texts)

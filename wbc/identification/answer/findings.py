@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
+from wbc.arrays import FloatArray
 from wbc.effects.gear_losses import YieldingGear
-from wbc.identification.answer.diagnosis import (
-    Alternative,
-    Correlation,
-    Estimate,
-    Finding,
-    correlation_of,
-)
+from wbc.identification.answer.diagnosis import Alternative, Estimate, Finding
 from wbc.identification.answer.model_to_use import Answer
+from wbc.identification.answer.ranking import Correlation, correlation_of
 from wbc.identification.answer.shown import with_unit
 from wbc.identification.choice.evidence import Key
 from wbc.identification.choice.trials import Trials
@@ -52,17 +48,13 @@ def describe_findings(trials: Trials, answer: Answer) -> tuple[Finding, ...]:
         trials: of the search.
         answer: the model to use, and what is believed.
     """
-    used, named = answer.hypothesis, answer.named
-    believed = _believed(trials, answer)
-    if used is named:
+    problem, used, believed = trials.problem, answer.hypothesis, _believed(trials, answer)
+    if used is answer.named:
         return tuple(believed.values())
     fit, values = trials.fit(used), {effect.key: effect.values for effect in used.effects}
-    distortion = trials.problem.distortion(fit, hurried=trials.hurried)
-    estimates = estimates_of(trials.problem, fit, distortion)
-    found = {
-        effect.key: Finding(effect, own, answer.support[effect.key])
-        for effect, own in zip(fit.effects, estimates, strict=True)
-    }
+    estimates = estimates_of(problem, fit, problem.distortion(fit, hurried=trials.hurried))
+    pairs = zip(fit.effects, estimates, strict=True)
+    found = {e.key: Finding(e, own, answer.support[e.key]) for e, own in pairs}
     for key, finding in believed.items():
         found[key] = _beside_the_model(finding, values.get(key))
     return tuple(found.values())
@@ -92,7 +84,11 @@ def _believed(trials: Trials, answer: Answer) -> dict[Key, Finding]:
         # Where quantities are told, nobody checks the parameters.
         warnings = [*(about or _vague(effect, estimates))]
         warnings += [*effect.search.remarks(effect, problem.robot)]
-        warnings += [*_motor_side(effect, problem, fit), *related[k], *stray[k]]
+        if isinstance(effect, YieldingGear) and effect.friction_side == "motor":
+            rubbing = rubbing_effects(fit.robot, effect.where, problem.records[0].motion)
+            names = " and ".join(other.name for other in rubbing)
+            warnings += [_MOTOR_SIDE.format(names)] if names else []
+        warnings += [*related[k], *stray[k]]
         rivals = tuple(Alternative(*rival) for rival in answer.rivals[effect.key])
         own = answer.support[effect.key]
         findings[effect.key] = Finding(effect, estimates, own, rivals, tuple(warnings), quantities)
@@ -144,14 +140,6 @@ def _vague(effect: Effect, estimates: Mapping[str, Estimate]) -> list[str]:
             span = f"{e.low:.3g} to {with_unit(e.high, e.unit)}"
             texts.append(f"{p.name} is hardly identifiable here: {span}")
     return texts
-
-
-def _motor_side(effect: Effect, problem: EstimationProblem, fit: Fit) -> list[str]:
-    """Return a sentence beside a gear that yields and whose friction rubs at the motor."""
-    if not isinstance(effect, YieldingGear) or effect.friction_side != "motor":
-        return []
-    rubbing = rubbing_effects(fit.robot, effect.where, problem.records[0].motion)
-    return [_MOTOR_SIDE.format(" and ".join(other.name for other in rubbing))] if rubbing else []
 
 
 def _moving_together(fit: Fit, correlation: Correlation) -> list[list[str]]:
@@ -271,8 +259,9 @@ def disagreements(records: Sequence[Record], fit: Fit) -> list[list[str]]:
     found: list[list[str]] = [[] for _ in fit.effects]
     if len(records) < 2 or not fit.parameters:
         return found
-    owner = np.repeat(np.arange(len(records)), [record.rows for record in records])
-    alone = [_alone(fit, owner == k, rows_per_sample([own])) for k, own in enumerate(records)]
+    ends = np.cumsum([0, *(record.rows for record in records)])
+    parts = zip(pairwise(ends), records, strict=True)
+    alone = [_alone(fit, slice(*ends), rows_per_sample([own])) for ends, own in parts]
     steps, deviations = (np.array(part) for part in zip(*alone, strict=True))
     for row, (k, parameter) in enumerate(fit.parameters):
         value = fit.effects[k].values[parameter.name]
@@ -289,7 +278,7 @@ def disagreements(records: Sequence[Record], fit: Fit) -> list[list[str]]:
     return found
 
 
-def _alone(fit: Fit, rows: BoolArray, per_sample: float) -> tuple[FloatArray, FloatArray]:
+def _alone(fit: Fit, rows: slice, per_sample: float) -> tuple[FloatArray, FloatArray]:
     """Return the step (p,) to what some rows alone say, and its standard deviation (p,)."""
     step = fit.step(rows)
     left = fit.residual[rows] + change_along(fit.jacobian[rows], step)

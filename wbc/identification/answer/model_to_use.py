@@ -10,19 +10,12 @@ from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
+from scipy.special import expit
+from scipy.stats import sem
 
 from wbc.identification.answer.remainder import Attainable, attainable
-from wbc.identification.choice.certainty import (
-    BELIEVED,
-    EVEN,
-    Odds,
-    Support,
-    beliefs,
-    not_believed,
-    odds_of,
-    support_of,
-    unexplained,
-)
+from wbc.identification.choice import certainty
+from wbc.identification.choice.certainty import Odds, Support, not_believed, odds_of
 from wbc.identification.choice.drop_screen import losses
 from wbc.identification.choice.evidence import Hypothesis, Key, weigh
 from wbc.identification.choice.find_causes import SearchResult
@@ -77,7 +70,7 @@ def believed(found: SearchResult) -> Answer:
     trials, end = found.trials, found.final
     doubted: set[Key] = set()
     # What the derivatives doubt goes first: a fit without each cause takes longer.
-    while doubtful := not_believed(beliefs(trials, end)):
+    while doubtful := not_believed(certainty.beliefs(trials, end)):
         doubted.add(doubtful[0])
         end = best_without(trials, end, doubted)
     best = best_without(trials, end, doubted)
@@ -89,7 +82,7 @@ def believed(found: SearchResult) -> Answer:
         answer = _without_one(trials, answer, doubted)
     # Where something was found and nothing of it is believed, something else is there, unless the
     # logs hardly speak against the robot as given.
-    missing = not answer.hypothesis.effects and 1.0 - odds_of(trials).nothing >= BELIEVED
+    missing = not answer.hypothesis.effects and 1.0 - odds_of(trials).nothing >= certainty.BELIEVED
     return replace(answer, more=answer.more or missing)
 
 
@@ -121,8 +114,8 @@ def judged(trials: Trials, h: Hypothesis, doubted: set[Key]) -> Answer:
     # What rests on a cause that is not believed is no evidence for others.
     odds = odds_of(trials, [k for k in trials.known if doubted.isdisjoint(k.keys)], h)
     level = attainable(trials.problem, trials.fit(h))
-    more = unexplained(trials.nothing.error, h, level.excess)
-    support = support_of(trials, h, odds, level.excess, not more)
+    more = certainty.unexplained(trials.nothing.error, h, level.excess)
+    support = certainty.support_of(trials, h, odds, level.excess, not more)
     rivals = dict(zip(h.keys, odds.rivals(h), strict=True))
     return Answer(h, odds, level, support, rivals, more, h)
 
@@ -226,9 +219,8 @@ def _doubting(trials: Trials, answer: Answer, names: Answer) -> Answer:
     support = {}
     for key, (loss, gain) in zip(h.keys, each, strict=True):
         own = answer.support[key]
-        alone = float(EVEN / (1.0 + np.exp(np.clip(gain - loss, -500.0, 500.0))))
-        doubted = replace(own, odds=min(own.odds, alone), group=min(own.group, alone))
-        support[key] = doubted
+        alone = certainty.EVEN * float(expit(loss - gain))
+        support[key] = replace(own, odds=min(own.odds, alone), group=min(own.group, alone))
     rivals = dict.fromkeys(h.keys, ()) | names.rivals
     return replace(answer, support=support | names.support, rivals=rivals, named=names.hypothesis)
 
@@ -237,6 +229,5 @@ def _behind(problem: EstimationProblem, one: Hypothesis, other: Hypothesis) -> f
     """Return the largest ratio of two outputs' errors, less a standard error of the first."""
     mine, theirs = one.squares, other.squares
     beside = np.maximum(theirs.mean(axis=0), problem.indistinct)
-    error = np.std(mine - theirs, axis=0, ddof=1) / np.sqrt(len(mine))
-    ratio = np.maximum(mine.mean(axis=0) - error, 0.0) / np.maximum(beside, 1e-300)
+    ratio = np.maximum(mine.mean(axis=0) - sem(mine - theirs), 0.0) / np.maximum(beside, 1e-300)
     return float(np.sqrt(np.max(ratio)))

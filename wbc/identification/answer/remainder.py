@@ -15,19 +15,13 @@ from wbc.identification.choice.evidence import Key
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import condensed_residual
-from wbc.identification.records.record import (
-    Record,
-    bins_of,
-    block_means,
-    explained_by,
-    output_gear,
-    output_names,
-    output_row,
-    output_units,
-)
+from wbc.identification.records import record as rows
+from wbc.identification.records.record import Record
 from wbc.robot.coordinates import unit_at
 from wbc.tables import FEW
 
+Variables = dict[str, tuple[str, FloatArray]]
+"""Name of what a torque may depend on -> unit and values (N,)."""
 _BINS = 12
 _MATTERS = 2.0  # floors above which an output is mentioned
 _DEPENDS = 0.15  # share of variance above which a dependence is mentioned
@@ -80,42 +74,41 @@ class Breakdown:
     share: float
 
 
-def breakdowns(records: Sequence[Record], residuals: Sequence[FloatArray]) -> list[Breakdown]:
-    """Return every output's residual over every variable known, strongest share first.
+def dependences(
+    records: Sequence[Record],
+    residual: FloatArray,
+    column: int,
+    each: Sequence[Variables] | None = None,
+) -> list[Breakdown]:
+    """Return one output's residual over every variable, strongest share first.
 
     Args:
         records: the logs.
-        residuals: (rows, m + b) condensed residual of each.
+        residual: (rows,) of the output.
+        column: number of the output.
+        each: variables of every log; all that its torque may depend on when left out.
     """
-    robot, stacked = records[0].robot, np.concatenate(residuals)
-    found = []
-    for column, output in enumerate(output_names(robot)):
-        each = [quantities(record, column) for record in records]
-        for variable, (unit, _) in each[0].items():
-            if any(variable not in own for own in each):
-                continue
-            pairs = zip(records, each, strict=True)
-            values = np.concatenate([record.thinned(own[variable][1]) for record, own in pairs])
-            if np.ptp(values) > 0.0:
-                stated = unit_at(robot, output, unit)
-                found.append(binned(output, variable, stated, values, stacked[:, column]))
+    robot, found = records[0].robot, []
+    output = rows.output_names(robot)[column]
+    each = [quantities(record, column) for record in records] if each is None else each
+    for variable, (unit, _) in each[0].items():
+        if any(variable not in own for own in each):
+            continue
+        pairs = zip(records, each, strict=True)
+        values = np.concatenate([record.thinned(own[variable][1]) for record, own in pairs])
+        if np.ptp(values) > 0.0:
+            index = rows.bins_of(values, _BINS)
+            power = rows.block_means(residual**2, index)
+            center, mean = (rows.block_means(x, index) for x in (values, residual))
+            share, stated = rows.explained_by(index, residual), unit_at(robot, output, unit)
+            found.append(Breakdown(output, variable, stated, center, mean, np.sqrt(power), share))
     return sorted(found, key=lambda b: -b.share)
 
 
-def binned(
-    output: str, variable: str, unit: str, values: FloatArray, residual: FloatArray
-) -> Breakdown:
-    """Return the residual (rows,) of an output over a variable (rows,), in bins of equal count."""
-    index = bins_of(values, _BINS)
-    center, mean, power = (block_means(x, index) for x in (values, residual, residual**2))
-    share = explained_by(index, residual)
-    return Breakdown(output, variable, unit, center, mean, np.sqrt(power), share)
-
-
-def quantities(record: Record, column: int) -> dict[str, tuple[str, FloatArray]]:
+def quantities(record: Record, column: int) -> Variables:
     """Return unit and values (N,) of what the torque at one output may depend on, by name."""
     robot, motion = record.robot, record.motion
-    row, gear = output_row(robot, column), output_gear(robot, column)
+    row, gear = rows.output_row(robot, column), rows.output_gear(robot, column)
     speed, load = motion.velocity[:, row], record.load[:, row]
     time = np.arange(len(speed)) / record.rate
     seen = {
@@ -125,9 +118,8 @@ def quantities(record: Record, column: int) -> dict[str, tuple[str, FloatArray]]
         "time": ("s", time),
     }
     if gear is not None:
-        position = motion.position[:, robot.actuated_position[gear]]
+        position, way = motion.position[:, robot.actuated_position[gear]], np.sign(speed)
         turned = np.mod(position * float(robot.transmission.gear_ratio[gear]), 2.0 * np.pi)
-        way = np.sign(speed)
         # When the joint last changed direction.
         changed = np.where(np.diff(way, prepend=way[:1]) != 0.0, time, 0.0)
         seen |= {
@@ -140,9 +132,8 @@ def quantities(record: Record, column: int) -> dict[str, tuple[str, FloatArray]]
         }
         if motion.temperature is not None:
             seen["temperature"] = ("deg C", motion.temperature[:, gear])
-    for name, force in record.forces.items():
-        seen[f"force at {name}"] = ("N", np.linalg.norm(force, axis=1))
-    return seen
+    forces = record.forces.items()
+    return seen | {f"force at {n}": ("N", np.linalg.norm(f, axis=1)) for n, f in forces}
 
 
 @dataclass(frozen=True)
@@ -199,38 +190,28 @@ def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
         problem: the logs.
         fit: the model whose residual is described.
     """
-    records = problem.records
-    parts = [condensed_residual(fit.robot, [record]) for record in records]
-    given = np.split(problem.residual, np.cumsum([record.rows for record in records])[:-1])
-    found = breakdowns(records, parts)
-    result = []
-    units = output_units(records[0].robot)
-    for column, name in enumerate(output_names(records[0].robot)):
-        values = [part[:, column] for part in parts]
-        size = float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
-        floor = float(problem.floor.values[column])
-        if size < _MATTERS * floor or column in problem.floor.aside:
-            continue
-        own = [b for b in found if b.output == name and b.share > _DEPENDS]
-        other = _elsewhere(records, values, column, own)
-        clues = [(b.variable, b.share) for b in (*own, *([other] if other else []))]
-        row = output_row(records[0].robot, column)
-        speeds = [record.thinned(record.motion.velocity[:, row]) for record in records]
-        result.append(
-            Remainder(
-                output=name,
-                size=size,
-                unit=units[column],
-                floors=size / floor,
-                clues=tuple(sorted(clues, key=lambda clue: -clue[1])[:FEW]),
-                elsewhere=other.variable.rpartition(" of ")[2] if other else "",
-                # Partial explanations blur the trace of a memory: the robot as given shows it, too.
-                memory=_memory(values, speeds)
-                or _memory([part[:, column] for part in given], speeds),
-                driven=output_gear(records[0].robot, column) is not None,
-            )
+    records, robot, found = problem.records, problem.records[0].robot, []
+    after = condensed_residual(fit.robot, records)
+    sizes, names, units = rows.rms(after), rows.output_names(robot), rows.output_units(robot)
+    floors = sizes / problem.floor.values
+    for column in problem.floor.judged[floors[problem.floor.judged] >= _MATTERS].tolist():
+        left = after[:, column]
+        own = [b for b in dependences(records, left, column) if b.share > _DEPENDS]
+        other = _elsewhere(records, left, column, own)
+        clues = [(b.variable, b.share) for b in (*own, *other)]
+        remainder = Remainder(
+            output=names[column],
+            size=float(sizes[column]),
+            unit=units[column],
+            floors=float(floors[column]),
+            clues=tuple(sorted(clues, key=lambda clue: -clue[1])[:FEW]),
+            elsewhere=other[0].variable.rpartition(" of ")[2] if other else "",
+            # Partial explanations blur the trace of a memory: the robot as given shows it, too.
+            memory=any(_memory(records, r[:, column], column) for r in (after, problem.residual)),
+            driven=rows.output_gear(robot, column) is not None,
         )
-    return tuple(result)
+        found.append(remainder)
+    return tuple(found)
 
 
 def _follows(clues: Sequence[tuple[str, float]]) -> str:
@@ -257,42 +238,38 @@ def common_trait(problem: EstimationProblem, fit: Fit, causes: Sequence[Key]) ->
     """
     without = problem.robot.with_effects(*(e for e in fit.effects if e.key not in causes))
     records, robot = problem.records, problem.robot
-    parts = [
-        condensed_residual(without, [record]) - condensed_residual(fit.robot, [record])
-        for record in records
-    ]
-    sizes = np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0))
+    added = condensed_residual(without, records) - condensed_residual(fit.robot, records)
+    sizes = rows.rms(added)
     floors = sizes / problem.floor.values
     floors[list(problem.floor.aside)] = 0.0
     worst = int(np.argmax(floors))
-    name = output_names(robot)[worst]
-    own = [b for b in breakdowns(records, parts) if b.output == name and b.share > _DEPENDS]
+    size = f"{plain(float(sizes[worst]), 2)} {rows.output_units(robot)[worst]}"
+    own = [b for b in dependences(records, added[:, worst], worst) if b.share > _DEPENDS]
     follows = _follows([(b.variable, b.share) for b in own[:FEW]])
-    return (
-        f"{plain(float(sizes[worst]), 2)} {output_units(robot)[worst]} at {name}, which {follows}"
-    )
+    return f"{size} at {rows.output_names(robot)[worst]}, which {follows}"
 
 
 def _elsewhere(
-    records: Sequence[Record], values: Sequence[FloatArray], column: int, own: Sequence[Breakdown]
-) -> Breakdown | None:
+    records: Sequence[Record], residual: FloatArray, column: int, own: Sequence[Breakdown]
+) -> list[Breakdown]:
     """Return the motion of another joint that what is left follows more than its own, if any."""
-    robot, residual = records[0].robot, np.concatenate(values)
-    output, each = output_names(robot)[column], []
-    for other, row in enumerate(robot.actuated.tolist()):
-        speed = np.concatenate([r.thinned(r.motion.velocity[:, row]) for r in records])
-        if other != output_gear(robot, column) and np.ptp(speed) > 0.0:
-            name = f"speed of {robot.transmission.joints[other]}"
-            each.append(binned(output, name, "rad/s", speed, residual))
+    robot = records[0].robot
+    gear, joints = rows.output_gear(robot, column), robot.transmission.joints
+    others = {f"speed of {joint}": k for k, joint in enumerate(joints) if k != gear}
+    each: list[Variables] = [
+        {name: ("rad/s", r.motion.velocity[:, robot.actuated[k]]) for name, k in others.items()}
+        for r in records
+    ]
     least = max([_DEPENDS, *(b.share for b in own)])
-    return max((b for b in each if b.share > least), key=lambda b: b.share, default=None)
+    return [b for b in dependences(records, residual, column, each) if b.share > least][:1]
 
 
-def _memory(values: Sequence[FloatArray], speeds: Sequence[FloatArray]) -> bool:
-    """Whether the residual changes gradually after reversals, as hysteresis does."""
+def _memory(records: Sequence[Record], values: FloatArray, column: int) -> bool:
+    """Whether the residual (rows,) changes gradually after reversals, as hysteresis does."""
     early, late = [], []
-    for residual, speed in zip(values, speeds, strict=True):
-        sign = np.sign(speed)
+    for residual, record in zip(rows.by_log(records, values), records, strict=True):
+        row = rows.output_row(record.robot, column)
+        sign = np.sign(record.thinned(record.motion.velocity[:, row]))
         toward = residual * sign
         changed = np.flatnonzero(np.diff(sign) != 0.0) + 1
         for start, stop in pairwise(changed):
@@ -363,72 +340,53 @@ def _held_out(features: FloatArray, residual: FloatArray, folds: IntArray) -> fl
     spread = np.sqrt(np.mean(features**2, axis=0))
     a = features[:, spread > 1e-9 * spread.max(initial=1e-300)]
     a = a / np.sqrt(np.mean(a**2, axis=0))
-    names = np.unique(folds)
-    grams = np.array([a[folds == f].T @ a[folds == f] for f in names])
-    moments = np.array([a[folds == f].T @ residual[folds == f] for f in names])
-    total, moment = grams.sum(axis=0), moments.sum(axis=0)
+    inside = [folds == fold for fold in np.unique(folds)]
+    grams = np.array([a[own].T @ a[own] for own in inside])
+    moments = np.array([a[own].T @ residual[own] for own in inside])
+    known, along = grams.sum(axis=0) - grams, moments.sum(axis=0) - moments
     best = float(np.mean(residual**2))
     for ridge in _RIDGES:
-        left = 0.0
-        for k, fold in enumerate(names):
-            rest = total - grams[k]
-            weak = ridge * len(residual) * np.eye(len(rest))
-            solution = np.linalg.solve(rest + weak, moment - moments[k])
-            inside = folds == fold
-            left += float(np.sum((residual[inside] - a[inside] @ solution) ** 2))
+        weak = ridge * len(residual) * np.eye(a.shape[1])
+        solutions = np.linalg.solve(known + weak, along[:, :, None])[:, :, 0]
+        pairs = zip(inside, solutions, strict=True)
+        left = sum(float(np.sum((residual[own] - a[own] @ x) ** 2)) for own, x in pairs)
         best = min(best, left / len(residual))
     return best
 
 
 def _features(record: Record, output: int) -> FloatArray:
     """Return (rows, F) what the torque at one output may depend on, in the residual's band."""
+    from wbc.mechanics.series import memories  # it loads the compiler
+
     robot, seen = record.robot, quantities(record, output)
-    row, gear = output_row(robot, output), output_gear(robot, output)
+    row, gear = rows.output_row(robot, output), rows.output_gear(robot, output)
     velocity, a = record.motion.velocity, np.asarray(record.motion.acceleration)
     time = np.linspace(-1.0, 1.0, len(velocity))
-    own = [_scaled(seen[name][1]) for name in ("speed", "acceleration", "load")] + [_scaled(time)]
+    own = [_scaled(x) for x in (*(seen[n][1] for n in ("speed", "acceleration", "load")), time)]
     columns: list[FloatArray] = [np.ones(len(time)), *own]
     columns += [x * y for k, x in enumerate(own) for y in own[k:]]
-    columns += [bend for x in own[:3] for bend in _bends(x)]
+    shares = np.linspace(0.0, 1.0, _KNOTS + 2)[1:-1]  # any bent line over x
+    columns += [np.maximum(x - knot, 0.0) for x in own[:3] for knot in np.quantile(x, shares)]
     ways = [np.tanh(own[0] / slow) for slow in _SLOW]
     if gear is not None:
-        ratio = float(robot.transmission.gear_ratio[gear])
-        columns += _over_travel(seen["position"][1], own[0], ways, ratio)
-    for way in ways:
-        columns += [
-            way,
-            *(way * x for x in own[1:]),
-            np.abs(own[2]) * way,
-            np.sqrt(np.abs(own[0])) * way,
-        ]
+        position, ratio = seen["position"][1], float(robot.transmission.gear_ratio[gear])
+        travel = float(np.ptp(position)) or 1.0  # it may stand still in one log of several
+        share = (position - position.min()) / travel
+        slow = [np.pi * k * share for k in range(1, 2 * _WAVES + 1, 2)]
+        waves = [f(angle) for angle in slow for f in (np.sin, np.cos)]
+        turns = [f(k * ratio * position) for k in range(1, _TURNS + 1) for f in (np.sin, np.cos)]
+        there = _scaled(share - share.mean())
+        columns += [*waves, *turns, *memories(position), *(wave * ways[-1] for wave in waves)]
+        columns += [there * own[0], there**2, there**3]
+    speed, load = np.sqrt(np.abs(own[0])), np.abs(own[2])
+    columns += [
+        x for way in ways for x in (way, *(way * x for x in own[1:]), load * way, speed * way)
+    ]
     others = [k for k in range(velocity.shape[1]) if k != row]
     columns += [_scaled(x[:, k]) for k in others for x in (velocity, a)]
     columns += [np.tanh(_scaled(velocity[:, k]) / _SLOW[1]) for k in others]
     columns += [_scaled(record.motion.position[:, k]) for k in robot.actuated_position]
     return record.condensed_at(np.stack(columns, axis=1), output)
-
-
-def _over_travel(
-    position: FloatArray, speed: FloatArray, ways: Sequence[FloatArray], ratio: float
-) -> list[FloatArray]:
-    """Return waves over the travel and the rotor's turn, and memories of the direction."""
-    from wbc.mechanics.series import memories  # it loads the compiler
-
-    travel = float(np.ptp(position)) or 1.0  # a joint may stand still in one log of several
-    share = (position - position.min()) / travel
-    waves = [f(np.pi * k * share) for k in range(1, 2 * _WAVES + 1, 2) for f in (np.sin, np.cos)]
-    turns = [f(k * ratio * position) for k in range(1, _TURNS + 1) for f in (np.sin, np.cos)]
-    scaled = _scaled(share - share.mean())
-    return [
-        *waves, *turns, *memories(position), *(wave * ways[-1] for wave in waves), scaled * speed,
-        scaled**2, scaled**3,
-    ]  # fmt: skip
-
-
-def _bends(values: FloatArray) -> list[FloatArray]:
-    """Return max(x - k, 0) for knots k at even shares of the values: any bent line over x."""
-    knots = np.quantile(values, np.linspace(0.0, 1.0, _KNOTS + 2)[1:-1])
-    return [np.maximum(values - knot, 0.0) for knot in knots]
 
 
 def _scaled(values: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""How answers are shown: numbers, data frames, torques over time, and where a result came from."""
+"""How answers are shown: text, notebook, numbers, torques over time, where a result came from."""
 
 from __future__ import annotations
 
@@ -6,14 +6,20 @@ import math
 import platform
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from html import escape
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from wbc.arrays import FloatArray
+from wbc.errors import needs
 from wbc.identification.model.residual import raw_residual
 from wbc.identification.records.record import Record
 from wbc.measurement import LogSource
 from wbc.robot import Robot
+from wbc.tables import TextTable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _LINES = 24
 """Of a screen: what `repr` shows at most."""
@@ -21,15 +27,6 @@ _LONG = 1e6  # width from which on an interval is written with exponents
 _LOST = 1e3  # [rad, m] error from which a simulation has left the log
 _NONE = 1e-6  # [rad, m] finer than an encoder of 22 bits: nothing moved
 _PACKAGES = ("wbc", "pin", "numpy", "scipy", "proxsuite")
-
-
-def on_one_screen(text: str) -> str:
-    """Return a text cut to what a screen shows."""
-    lines = text.splitlines()
-    if len(lines) <= _LINES:
-        return text
-    left = len(lines) - _LINES + 1
-    return "\n".join([*lines[: _LINES - 1], f"... {left} more lines: print(...) shows all"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +65,67 @@ def series_of(robot: Robot, records: Sequence[Record]) -> tuple[Series, ...]:
     return tuple(series)
 
 
+class Shown:
+    """An answer as `print`, a notebook and a figure show it; what a subclass says fills it."""
+
+    robot: Robot
+    outputs: tuple[Any, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        """The answer, as a person would say it."""
+        raise NotImplementedError
+
+    @property
+    def to_do(self) -> str:
+        """What to do now; empty where nothing follows."""
+        return ""
+
+    def tables(self) -> tuple[TextTable, ...]:
+        """Return what stands below the sentence."""
+        raise NotImplementedError
+
+    def models(self) -> list[tuple[str, Sequence[Series]]]:
+        """Return label and torques of each model of the figure."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        """Return the sentence, what was found and left, what to do now, and warnings."""
+        to_do = [f"do this now: {self.to_do}"] if self.to_do else []
+        tables = [str(table) for table in self.tables() if table]
+        return "\n".join([self.sentence, *tables, *to_do, *self.warnings])
+
+    def __repr__(self) -> str:
+        """Return what `print` shows, cut to one screen."""
+        lines = str(self).splitlines()
+        if len(lines) > _LINES:
+            left = len(lines) - _LINES + 1
+            lines[_LINES - 1 :] = [f"... {left} more lines: print(...) shows all"]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """Return the answer as a notebook shows it."""
+        to_do = f"Do this now: {escape(self.to_do)}"
+        told = f"<p style='white-space: pre-wrap'>{to_do}</p>" if self.to_do else ""
+        tables = "".join(table.html() for table in self.tables() if table)
+        return f"<p><b>{escape(self.sentence)}</b></p>{told}{tables}"
+
+    def plot(self, log: int = 0) -> Figure:
+        """Return measured and modelled torques of one log over time, with the residuals.
+
+        Args:
+            log: number of the log.
+
+        Raises:
+            MissingPackageError: matplotlib is not installed.
+        """
+        with needs("view", "plot()"):
+            from wbc.identification.answer.figure import torque_figure
+        units = {o.output: o.unit for o in self.outputs[: self.robot.transmission.size]}
+        return torque_figure(units, self.models(), log)
+
+
 def plain(value: float, digits: int = 3) -> str:
     """Return a number with `digits` significant digits, without an exponent where it is short."""
     if not math.isfinite(value):
@@ -96,29 +154,27 @@ def with_interval(value: float, low: float, high: float) -> tuple[str, str]:
 
     Finer where the ends would read the same, and with two digits of the larger end at least.
     """
-    width = abs(high - low)
-    if not 0.0 < width < _LONG:
-        return plain(value, 4), f"{plain(low, 4)} … {plain(high, 4)}"
-    two = 1 - math.floor(math.log10(max(abs(low), abs(high))))
-    places = max(0, two, math.ceil(-math.log10(2.0 * width)))
-    if f"{low:.{places}f}" == f"{high:.{places}f}":
-        places += 1
-    if places > 6:
-        return plain(value, 6), f"{plain(low, 6)} … {plain(high, 6)}"
-    texts = [f"{number:.{places}f}".replace("-", "−") for number in (value, low, high)]
-    return texts[0], f"{texts[1]} … {texts[2]}"
+    width, digits, places = abs(high - low), 4, 7
+    if 0.0 < width < _LONG:
+        two = 1 - math.floor(math.log10(max(abs(low), abs(high))))
+        digits, places = 6, max(0, two, math.ceil(-math.log10(2.0 * width)))
+        places += f"{low:.{places}f}" == f"{high:.{places}f}"
+
+    def shown(x: float) -> str:
+        return plain(x, digits) if places > 6 else f"{x:.{places}f}".replace("-", "−")
+
+    return shown(value), f"{shown(low)} … {shown(high)}"
 
 
 def with_deviation(value: float, deviation: float) -> str:
     """Return a difference with its sign and standard error, both to two digits of the error."""
-    if not (math.isfinite(value) and math.isfinite(deviation) and deviation > 0.0):
-        return f"{'+' if value > 0.0 else ''}{plain(value)} ± {plain(deviation, 2)}"
-    places = 1 - math.floor(math.log10(deviation))
+    known = math.isfinite(value) and math.isfinite(deviation) and deviation > 0.0
+    places = 1 - math.floor(math.log10(deviation)) if known else 7
     if places > 6:
-        return f"{'+' if value > 0.0 else ''}{plain(value, 2)} ± {plain(deviation, 2)}"
+        told = plain(value, 2 if known else 3)
+        return f"{'+' if value > 0.0 else ''}{told} ± {plain(deviation, 2)}"
     near, error = round(value, places), round(deviation, places)
-    if error >= 10.0 ** (2 - places):  # 99.6 became 100
-        places -= 1
+    places -= error >= 10.0 ** (2 - places)  # 99.6 became 100
     shown = max(places, 0)
     told = f"{near:+,.{shown}f}" if near else "0"
     return f"{told} ± {error:,.{shown}f}".replace("-", "−")

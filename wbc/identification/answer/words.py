@@ -15,24 +15,18 @@ from wbc.tables import FEW, joined
 if TYPE_CHECKING:
     from wbc.identification.answer.diagnosis import Diagnosis, Finding, OutputLevel
 
-TITLES = {
-    "named": "cause found",
-    "ambiguous": "likely, not certain",
-    "partial": "part of the cause found",
-    "unknown": "cause not found",
-    "none": "nothing missing",
-    "not_repeatable": "runs disagree",
+VERDICTS = {
+    "named": ("cause found", "these logs tell which effects the model lacks"),
+    "ambiguous": (
+        "likely, not certain",
+        "what these logs point to is likely, but its name is not certain",
+    ),
+    "partial": ("part of the cause found", "some missing effects are certain, and more is missing"),
+    "unknown": ("cause not found", "something is missing that nothing certain explains"),
+    "none": ("nothing missing", "the model explains these logs as far as their noise allows"),
+    "not_repeatable": ("runs disagree", "repeated runs disagree, so nothing can be named"),
 }
-"""A verdict in words that need no explanation."""
-MEANINGS = {
-    "named": "these logs tell which effects the model lacks",
-    "ambiguous": "what these logs point to is likely, but its name is not certain",
-    "partial": "some missing effects are certain, and more is missing",
-    "unknown": "something is missing that nothing certain explains",
-    "none": "the model explains these logs as far as their noise allows",
-    "not_repeatable": "repeated runs disagree, so nothing can be named",
-}
-"""What a verdict means."""
+"""A verdict -> its title, in words that need no explanation, and what it means."""
 COMMAND = "    "
 """Begins every line of advice that is a command to copy."""
 _USE = "Use the corrected model."
@@ -48,26 +42,34 @@ _NEW_RUNS = ("new1.csv", "new2.csv")
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """Return what is certain, what is likely, how good the model is, what is left and doubtful."""
-    noise = not_following(diagnosis.silent)
+    silent, judged = not_following(diagnosis.silent), _judged(diagnosis)
+    worst = max(judged, key=lambda o: o.after / _noise(o))
+    left = f"{plain(worst.after, 2)} {worst.unit} are left at {worst.output}"
     if diagnosis.verdict == "none":
-        floors = plain(diagnosis.error.after, 2)
         nothing = (
             "Nothing is missing in the model: it explains these logs as far as their noise "
-            f"lets it ({_left(diagnosis)}, {floors} noise floors)."
+            f"lets it ({left}, {plain(diagnosis.error.after, 2)} noise floors)."
         )
         return f"{nothing} {_doubt(diagnosis)}".rstrip()
     if diagnosis.verdict == "not_repeatable":
+        worst = max(judged, key=lambda o: o.excess)
+        times = f"{plain(worst.excess, 2)} times what the noise of their sensors explains"
         return (
-            f"Runs that repeat one another disagree{_scatter(diagnosis)}. So nothing can be "
-            "named from these logs."
+            f"Runs that repeat one another disagree: by {plain(worst.floor, 2)} {worst.unit} at "
+            f"{worst.output}, {times}. So nothing can be named from these logs."
         )
-    if noise and {o.output for o in _judged(diagnosis)} <= set(diagnosis.silent):
-        return f"These logs cannot tell what is missing: {noise[0].lower()}{noise[1:]}."
-    if diagnosis.findings:
-        said = [*_names(diagnosis), _progress(diagnosis), _rest(diagnosis), _doubt(diagnosis)]
+    if silent and {o.output for o in judged} <= set(diagnosis.silent):
+        return f"These logs cannot tell what is missing: {silent[0].lower()}{silent[1:]}."
+    if not diagnosis.findings:
+        said = [f"Something is missing that no known effect explains ({left})."]
     else:
-        said = [f"Something is missing that no known effect explains ({_left(diagnosis)})."]
-    return " ".join([*filter(None, said), *([f"{noise}."] if noise else [])])
+        said = [*_names(diagnosis), _progress(diagnosis)]
+        if diagnosis.remainder:
+            said.append(f"No known effect explains the rest: {left}.")
+        elif diagnosis.verdict == "partial":
+            said.append("One cause that is in no list may stand behind several of these.")
+        said.append(_doubt(diagnosis))
+    return " ".join([*filter(None, said), *([f"{silent}."] if silent else [])])
 
 
 def _names(diagnosis: Diagnosis) -> list[str]:
@@ -75,7 +77,10 @@ def _names(diagnosis: Diagnosis) -> list[str]:
     certain = [f for f in diagnosis.findings if f.certain]
     likely = [f for f in diagnosis.findings if not (f.certain or f.doubtful)]
     if diagnosis.verdict == "ambiguous":
-        found, rivals = _sum_up([*certain, *likely]), _rivals(diagnosis.findings)
+        found = _sum_up([*certain, *likely])
+        tied = [f for f in diagnosis.findings if f.alternatives]
+        pairs = ((spoken(f.effect.name), joined([spoken(a) for a in f.rivals])) for f in tied)
+        rivals = "; ".join(dict.fromkeys(f"{one} from {others}" for one, others in pairs))
         if not rivals:
             return [f"Likely missing in the model: {found}."]
         return [f"It would be enough to add {found}.", f"But these logs cannot tell {rivals}."]
@@ -87,15 +92,6 @@ def _names(diagnosis: Diagnosis) -> list[str]:
     else:
         said = ["Something is missing in the model, and no cause of it is certain."]
     return [*said, *([f"Likely: {_sum_up(likely)}."] if likely else [])]
-
-
-def _rest(diagnosis: Diagnosis) -> str:
-    """Say what no cause in the list explains; empty where little is left."""
-    if diagnosis.remainder:
-        return f"No known effect explains the rest: {_left(diagnosis)}."
-    if diagnosis.verdict == "partial":
-        return "One cause that is in no list may stand behind several of these."
-    return ""
 
 
 def _doubt(diagnosis: Diagnosis) -> str:
@@ -126,47 +122,26 @@ def _progress(diagnosis: Diagnosis) -> str:
     With what the best model of the motion would leave, where that is less by more than the noise
     floor: the limit from which on the verdict takes the rest for a missing cause.
     """
-    worst = max(_judged(diagnosis), key=_explained, default=None)
-    whole = diagnosis.explained
-    percent = f"{100.0 * whole:.0f} %" if whole < 0.995 else "more than 99 %"
-    share = f"The corrected model explains {percent} of the squared error"
-    if worst is None:
-        return f"{share}."
+    worst = max(_judged(diagnosis), key=lambda o: (o.before**2 - o.after**2) / _noise(o) ** 2)
     before, after = plain(worst.before, 2), plain(worst.after, 2)
     if before == after:
         floor = f"where noise leaves {plain(worst.floor, 2)}"
         return f"The error hardly changes: {after} {worst.unit} at {worst.output}, {floor}."
-    said = f"{share}: {before} -> {after} {worst.unit} at {worst.output}"
+    whole = diagnosis.explained
+    percent = f"{100.0 * whole:.0f} %" if whole < 0.995 else "more than 99 %"
+    said = (
+        f"The corrected model explains {percent} of the squared error: {before} -> {after} "
+        f"{worst.unit} at {worst.output}"
+    )
     if worst.after**2 - worst.attainable**2 <= worst.floor**2:
         return f"{said}."
     least = f"{plain(worst.attainable, 2)} {worst.unit}"
     return f"{said}, where the best model of the motion would leave {least}."
 
 
-def _left(diagnosis: Diagnosis) -> str:
-    """Return what is left at the output that is furthest above its noise floor."""
-    worst = max(_judged(diagnosis), key=lambda o: o.after / _noise(o), default=None)
-    if worst is None:
-        return "nothing is left"
-    return f"{plain(worst.after, 2)} {worst.unit} are left at {worst.output}"
-
-
-def _scatter(diagnosis: Diagnosis) -> str:
-    """Return by how much repeated runs differ where they do so most, beside their noise."""
-    worst = max(_judged(diagnosis), key=lambda o: o.excess, default=None)
-    if worst is None:
-        return ""
-    times = f"{plain(worst.excess, 2)} times what the noise of their sensors explains"
-    return f": by {plain(worst.floor, 2)} {worst.unit} at {worst.output}, {times}"
-
-
 def _judged(diagnosis: Diagnosis) -> list[OutputLevel]:
     """Return the outputs that decided; a drive that was set aside says nothing of the robot."""
     return [output for output in diagnosis.outputs if output.judged]
-
-
-def _explained(output: OutputLevel) -> float:
-    return (output.before**2 - output.after**2) / _noise(output) ** 2
 
 
 def _noise(output: OutputLevel) -> float:
@@ -220,15 +195,6 @@ def _said(finding: Finding) -> str:
         for name, e in shown
     )
     return f"{place} ({sizes})"
-
-
-def _rivals(findings: Sequence[Finding]) -> str:
-    parts = [
-        f"{spoken(finding.effect.name)} from {joined([spoken(a) for a in finding.rivals])}"
-        for finding in findings
-        if finding.alternatives
-    ]
-    return "; ".join(dict.fromkeys(parts))
 
 
 @dataclass(frozen=True)
@@ -285,24 +251,24 @@ def what_to_do(diagnosis: Diagnosis, commands: Commands | None = None) -> str:
         diagnosis: the answer.
         commands: how to go on from it on the command line; in Python when left out.
     """
-    match diagnosis.verdict:
+    verdict, asked = diagnosis.verdict, diagnosis.next_experiment
+    lowered = f"{asked[:1].lower()}{asked[1:]}{_again(commands)}"
+    match verdict:
         case "named":
             return f"{_USE} {_use(commands)}"
         case "partial":
-            more = f"To find the rest: {_lowered(diagnosis.next_experiment)}"
-            return f"{_USE} {_use(commands)}\n{more}{_again(commands)}"
+            return f"{_USE} {_use(commands)}\nTo find the rest: {lowered}"
         case "none":
             return (
                 "Neither the robot nor its model needs a change. Faster or loaded motions would "
                 "show more."
             )
         case "not_repeatable":
-            return f"Look at the robot first. {diagnosis.next_experiment}{_anew(commands)}"
+            return f"Look at the robot first. {asked}{_again(commands, alone=True)}"
         case _ if diagnosis.findings:
-            more = f"To find out more: {_lowered(diagnosis.next_experiment)}"
-            return f"{_DOUBTED} {_use(commands)}\n{more}{_again(commands)}"
+            return f"{_DOUBTED} {_use(commands)}\nTo find out more: {lowered}"
         case _:
-            return f"{_RECORD} {diagnosis.next_experiment}{_again(commands)}"
+            return f"{_RECORD} {asked}{_again(commands)}"
 
 
 def _use(commands: Commands | None) -> str:
@@ -320,21 +286,14 @@ def _use(commands: Commands | None) -> str:
     return "\n".join([start, *shown, f"Then use {commands.target} in place of {commands.robot}."])
 
 
-def _again(commands: Commands | None) -> str:
-    """Return how to ask again with what was recorded."""
+def _again(commands: Commands | None, *, alone: bool = False) -> str:
+    """Return how to ask again: with what was recorded, or about the new runs alone."""
     if commands is None:
-        return " Then diagnose all logs together."
-    again = f"Then give all logs together (with the name of the new log for {_NEW_LOG}):"
-    return f"\n{again}\n{COMMAND}{commands.diagnose(*commands.logs, _NEW_LOG)}"
-
-
-def _anew(commands: Commands | None) -> str:
-    """Return how to ask about runs that repeat one another, without those that do not."""
-    if commands is None:
-        return " Then diagnose the new runs alone."
-    alone = f"Then diagnose the new runs alone (with their names for {' and '.join(_NEW_RUNS)}):"
-    return f"\n{alone}\n{COMMAND}{commands.diagnose(*_NEW_RUNS)}"
-
-
-def _lowered(text: str) -> str:
-    return text[:1].lower() + text[1:]
+        return f" Then diagnose {'the new runs alone' if alone else 'all logs together'}."
+    if alone:
+        logs: Sequence[str] = _NEW_RUNS
+        said = f"diagnose the new runs alone (with their names for {' and '.join(_NEW_RUNS)})"
+    else:
+        logs = (*commands.logs, _NEW_LOG)
+        said = f"give all logs together (with the name of the new log for {_NEW_LOG})"
+    return f"\nThen {said}:\n{COMMAND}{commands.diagnose(*logs)}"
