@@ -74,16 +74,16 @@ _WORK = 1e8
 @inner
 def normal_row(system: RowSystem, row: int) -> int:
     """Return the row of the normal that a tangent's friction depends on; any other row itself."""
-    d, contacts = system.tangents, len(system.frictions)
-    tangents = len(system.free) - contacts * d
-    return row if row < tangents else tangents - contacts + (row - tangents) // d
+    contacts = len(system.frictions)
+    tangents = len(system.free) - contacts * 2
+    return row if row < tangents else tangents - contacts + (row - tangents) // 2
 
 
 @inner
 def stiffened(system: RowSystem, whole: bool, room: Room) -> None:
     """Write 1 + ways' R ways (n, n) to where factors go; its lower half, or the whole."""
-    d, contacts, (size, n) = system.tangents, len(system.frictions), system.ways.shape
-    first, ways, rise, line = size - contacts * (1 + d), system.ways, room.rise, room.line
+    contacts, (size, n) = len(system.frictions), system.ways.shape
+    first, ways, rise, line = size - contacts * 3, system.ways, room.rise, room.line
     total = room.lower
     total[:] = 0.0
     for j in range(n):
@@ -94,9 +94,9 @@ def stiffened(system: RowSystem, whole: bool, room: Room) -> None:
             continue
         for k in range(n):
             line[k] = rise[i, 0] * ways[at, k]
-        for b in range(d if at >= first else 0):
+        for b in range(2 if at >= first else 0):
             if rise[i, 1 + b] != 0.0:
-                add_times(rise[i, 1 + b], ways[first + contacts + (at - first) * d + b], line)
+                add_times(rise[i, 1 + b], ways[first + contacts + (at - first) * 2 + b], line)
         for j in range(n):
             share = own[j]
             if share != 0.0:
@@ -120,9 +120,9 @@ def follows(system: RowSystem, room: Room) -> bool:
 
     For a row that is changed an update takes n^2 steps, all factors take n^3 / 6.
     """
-    left, first = len(room.line) // 6, len(room.aim) - len(system.frictions) * system.tangents
+    left, first = len(room.line) // 6, len(room.aim) - len(system.frictions) * 2
     for i in range(len(room.aim) if room.pivots[0] < 0 else 0):
-        own = 0 if i < first else 1 + (i - first) % system.tangents
+        own = 0 if i < first else 1 + (i - first) % 2
         change = room.rise[i, own] - room.known[i, own]
         room.known[i, own] = room.rise[i, own]
         for b in range(3):
@@ -172,16 +172,16 @@ def solve_tangents(system: RowSystem, one_sided: bool, room: Room, impulse: Row)
 @inner
 def follow_tangents(system: RowSystem, room: Room, followed: OutRow) -> None:
     """Write the impulses (r,) of the tangents after the change of x."""
-    d, contacts, turning = system.tangents, len(system.frictions), room.turning
+    contacts, turning = len(system.frictions), room.turning
     size = len(followed)
-    first = size - contacts * (1 + d)
+    first = size - contacts * 3
     for i in range(size):
         turning[i] = dot(room.change, system.ways[i])
     for i in range(size):
         at = normal_row(system, i)
         followed[i] = room.aim[i] - room.rise[i, 0] * turning[at]
-        for b in range(d if at >= first else 0):
-            along = first + contacts + (at - first) * d + b
+        for b in range(2 if at >= first else 0):
+            along = first + contacts + (at - first) * 2 + b
             followed[i] -= room.rise[i, 1 + b] * turning[along]
 
 

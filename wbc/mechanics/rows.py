@@ -1,9 +1,9 @@
 """A step seen from its rows: their laws, and the linear pieces of these.
 
 The rows G v of a step, speeds u = free + ways x + give impulse with x = ways' impulse, are elements
-(gears, dry friction), then limits and contact normals, then the contacts' tangents. The line of
-slope `slope` through (speed, impulse) meets a monotone law in one point; how far away that is, as a
-speed, is the row's natural residual, zero exactly at a solution. For contacts it is Alart and
+(gears, dry friction), then limits and contact normals, then two tangents of each contact. The line
+of slope `slope` through (speed, impulse) meets a monotone law in one point; how far away that is,
+as a speed, is the row's natural residual, zero exactly at a solution. For contacts it is Alart and
 Curnier's map, the normal projected onto the half line, the tangents onto the disc of radius mu p_n.
 About that point the law is linear: a tangent has the impulse `aim` at the present speeds, and falls
 with them by `rise`. Rows that hold have a small compliance about their present impulse, which
@@ -52,7 +52,6 @@ class RowSystem(NamedTuple):
             stiffness where nothing gives way, empty where nothing does anywhere.
         targets: (l + k,) lowest speeds of limits and normals.
         frictions: mu (k,) of the contacts.
-        tangents: d per contact.
         tolerance: largest distance of a row from its law in a solution, as a speed.
         heap: where arrays come from.
     """
@@ -66,7 +65,6 @@ class RowSystem(NamedTuple):
     flanks: OutDense
     targets: OutRow
     frictions: OutRow
-    tangents: int
     tolerance: float
     heap: Heap
 
@@ -89,7 +87,6 @@ def system_of(
     flanks: OutDense,
     targets: OutRow,
     frictions: OutRow,
-    tangents: int,
 ) -> RowSystem:
     """Return the system of the rows `matrix` G (r, n).
 
@@ -101,7 +98,7 @@ def system_of(
         matrix: G.
         lower: L (n, n) with L' L = H_l.
         free: v (n,) without the rows.
-        laws, flanks, targets, frictions, tangents: see `RowSystem`.
+        laws, flanks, targets, frictions: see `RowSystem`.
     """
     size, ways, most, fastest = len(matrix), copied_table(heap, matrix), 0.0, 0.0
     own, speed, slope = row_of(heap, size), row_of(heap, size), row_of(heap, size)
@@ -114,7 +111,7 @@ def system_of(
         fastest = max(fastest, targets[i])
     for i in range(size):
         own[i] = max(own[i], 1e-9 * most, 1e-21)
-    for i in range(size - 2 * len(frictions) if tangents == 2 else size, size, 2):
+    for i in range(size - 2 * len(frictions), size, 2):
         own[i] = own[i + 1] = own[i] + own[i + 1]
     for i in range(size):
         slope[i] = 1.0 / own[i]
@@ -122,7 +119,7 @@ def system_of(
             slope[i] = min(slope[i], 0.5 * laws[i, 2] / -laws[i, 4])
     give, tolerance = zeros_of(heap, size), TOLERANCE * (1.0 + fastest)
     system = RowSystem(
-        ways, own, speed, give, slope, laws, flanks, targets, frictions, tangents, tolerance, heap
+        ways, own, speed, give, slope, laws, flanks, targets, frictions, tolerance, heap
     )  # fmt: skip
     found: RowSystem = kept(whole_of(heap, WORDS), system)
     return found
@@ -136,7 +133,7 @@ def copied(system: RowSystem, tolerance: float) -> RowSystem:
         system.ways, system.own, copied_row(heap, system.free), copied_row(heap, system.give),
         copied_row(heap, system.slope), copied_table(heap, system.laws),
         system.flanks, copied_row(heap, system.targets), copied_row(heap, system.frictions),
-        system.tangents, tolerance, heap,
+        tolerance, heap,
     )  # fmt: skip
     found: RowSystem = kept(whole_of(heap, WORDS), other)
     return found
@@ -199,39 +196,38 @@ def friction_tangent(
         contact: its number.
         push: normal impulse of the point where the line meets the law.
     """
-    d, contacts, slope = system.tangents, len(system.frictions), system.slope
+    contacts, slope = len(system.frictions), system.slope
     aim, rise, off, speed = room.aim, room.rise, room.off, room.speed
-    first, mu = len(aim) - (contacts - contact) * d, system.frictions[contact]
-    row, bound = len(aim) - contacts * (1 + d) + contact, mu * max(push, 0.0)
+    first, mu = len(aim) - (contacts - contact) * 2, system.frictions[contact]
+    row, bound = len(aim) - contacts * 3 + contact, mu * max(push, 0.0)
     wish, along = local(2), 0.0
-    wish[:] = 0.0
-    for a in range(first, first + d):
+    for a in range(first, first + 2):
         wish[a - first] = impulse[a] - slope[a] * speed[a]
     # Far from a solution Newton's points may be huge: hypot does not overflow before they do.
     size = math.hypot(wish[0], wish[1])
     if size < bound:
-        for a in range(d):
+        for a in range(2):
             i = first + a
             rise[i, 1 + a] = 1.0 / (hold * system.own[i] + system.give[i])
             aim[i], off[i] = impulse[i] - rise[i, 1 + a] * speed[i], -speed[i]
         return False
     share = bound / size if size > 0.0 else 1.0
-    for a in range(d):
+    for a in range(2):
         aim[first + a] = share * wish[a]
         off[first + a] = (aim[first + a] - impulse[first + a]) / slope[first + a]
     if bound == 0.0 or size == 0.0:
         return False
-    for a in range(d):
+    for a in range(2):
         wish[a] /= size
         along += wish[a] * impulse[first + a]
     more = mu * aim[row] - along
-    for a in range(d):
+    for a in range(2):
         i = first + a
         give = hold * system.own[i] + system.give[i]
         loose = 1.0 / (1.0 - share + share * slope[i] * give)
         aim[i] = impulse[i] + more * wish[a] - loose * (impulse[i] - along * wish[a])
         rise[i, 0] = mu * wish[a] * rise[row, 0]
-        for b in range(d if d == 2 else 0):
+        for b in range(2):
             turn = (1.0 if a == b else 0.0) - wish[a] * wish[b]
             rise[i, 1 + b] = slope[i] * share * loose * turn
     return bool(mu * rise[row, 0] > 0.0)

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.errors import SimulationError, require_known
@@ -17,7 +16,6 @@ from wbc.robot.model_file import driven_joints
 from wbc.sim.ground import BALL, BOX, HeightField, Terrain
 from wbc.sim.step.tables import Bodies, Obstacles
 
-_WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _ON_FIELDS = 16
 """Most places in which a body touches a height field beside its corners."""
 
@@ -72,8 +70,7 @@ class Barriers:
         )
         self.size = len(self.names)
         room = np.zeros((self.points, 3)), np.zeros((self.size - self.limits, 7))
-        tangents = 1 if _moves_in_plane(robot) and not pairs else 2
-        counts = self.limits, self.size, tangents, int(len(known) < len(terrain.solids))
+        counts = self.limits, self.size, int(len(known) < len(terrain.solids))
         self.obstacles = Obstacles(limit_at, limit_range, *points, solids, *room, *counts)
 
     def within_limits(self, position: FloatArray) -> FloatArray:
@@ -87,23 +84,6 @@ def _finite(limits: FloatArray) -> FloatArray:
     """Return limits with pinocchio's way of saying "none" (the largest double) as infinity."""
     values = np.array(limits)
     return np.where(np.abs(values) > 1e18, np.copysign(np.inf, values), values)
-
-
-def _moves_in_plane(robot: Robot) -> bool:
-    """Return whether no contact point can leave its x-z plane, whatever the configuration.
-
-    So it is where the joints that carry them move along and turn about this plane alone.
-    """
-    model, data, generator = robot.model, robot.model.createData(), np.random.default_rng(0)
-    carriers = {robot.contact_place(contact)[0] for contact in robot.contacts} - {0}
-    for _ in range(3):
-        q = pin.integrate(model, pin.neutral(model), generator.uniform(-1.0, 1.0, model.nv))
-        pin.computeJointJacobians(model, data, q)
-        for joint in carriers:
-            whole = pin.getJointJacobian(model, data, joint, _WORLD).reshape(6, -1)
-            if np.abs(whole[[1, 3, 5]]).max() > 1e-9:
-                return False
-    return True
 
 
 def _pairs_of(

@@ -169,7 +169,7 @@ class Setup:
             told = told._replace(rigid=told.limits)
         if told.asked:
             told = told._replace(asked=self._address(self._ask_ground))
-        rows = m + nv + size + told.tangents * len(told.touch)
+        rows = m + nv + size + 2 * len(told.touch)
         pushes = 3 * (barriers.points + len(barriers.pairs))
         end = m, size, nv, m, m, 2, pushes, 18, 3, nq, nv, nv, rows, nq, nv, m, size, nv, size
         now, now_kind = _memory(tables.Now, 3, nq, nv, rows, m, m, m, 13, *[size] * 3)

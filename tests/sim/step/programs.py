@@ -19,8 +19,8 @@ from wbc.structures import stored
 class Program:
     """Find v with H (v - v_free) = G' impulse, every row of G on its law, see `RowSystem`.
 
-    The rows are m elements with a law, normals whose speed is not below its target, and d tangents
-    per contact.
+    The rows are m elements with a law, normals whose speed is not below its target, and one or two
+    tangents of each contact, or none; the others do not move.
     """
 
     inertia: np.ndarray
@@ -52,7 +52,6 @@ def _solved(
     laws: OutDense,
     targets: OutRow,
     frictions: OutRow,
-    tangents: int,
     start: Row,
     found: OutDense,
     velocity: OutRow,
@@ -61,9 +60,8 @@ def _solved(
     lower = np.empty(inertia.shape)
     if not factor_inertia(inertia, lower):
         return 0, UNSOLVED
-    system = system_of(
-        heap, matrix, lower, free, laws, np.empty((0, 9)), targets, frictions, tangents
-    )
+    none = np.empty((0, 9))
+    system = system_of(heap, matrix, lower, free, laws, none, targets, frictions)
     used, way = solve_rows(system, start, 1.0, found[0])
     speeds_at(system, found[0], velocity, found[1])
     rest_of_way(lower, velocity)
@@ -76,14 +74,19 @@ def _solved(
 
 def solve_program(program: Program, guess: np.ndarray | None = None) -> Solution:
     """Return the solution that the plant takes, from the impulses of a step before or none."""
-    own, size = program, len(program.rows)
-    words = np.empty(10 * (size + len(own.inertia)) * (len(own.inertia) + 100))
+    own, k, n = program, len(program.frictions), len(program.inertia)
+    first = len(own.rows) - own.tangents * k
+    tangents = first + 2 * np.arange(k)[:, None] + np.arange(own.tangents)
+    at, size = np.concatenate((np.arange(first), tangents.ravel())), first + 2 * k
+    rows, start = np.zeros((size, n)), np.zeros(size)
+    rows[at] = own.rows
+    start[at] = 0.0 if guess is None else guess
+    words = np.empty(10 * (size + n) * (n + 100))
     heap = stored(Heap(words, words.view(np.int64), np.zeros(2, np.int64), 0))
-    start = np.zeros(size) if guess is None else guess
-    found, velocity = np.empty((3, size)), np.empty(len(own.inertia))
-    rest = np.array(own.laws), np.array(own.targets), np.array(own.frictions), own.tangents, start
-    arrays = own.inertia, own.free_velocity, own.rows
+    found, velocity = np.empty((3, size)), np.empty(n)
+    rest = np.array(own.laws), np.array(own.targets), np.array(own.frictions), start
+    arrays = own.inertia, own.free_velocity, rows
     used, way = _solved(heap, *map(np.ascontiguousarray, arrays), *rest, found, velocity)
     if way >= UNSOLVED:
         raise SimulationError("several solutions" if way == SEVERAL else "no solution")
-    return Solution(velocity, *found, used, WAYS[way])
+    return Solution(velocity, *found[:, at], used, WAYS[way])

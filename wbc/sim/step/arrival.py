@@ -206,7 +206,7 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
         q: to change.
         gap: (2 j + c,) at the start, to write.
     """
-    n, size, d = len(stiff), len(gap), plant.obstacles.tangents
+    n, size = len(stiff), len(gap)
     here, start, shift, last = np.empty(size), q.copy(), np.empty(n), np.empty(len(q))
     for turn in range(_TRIES):
         gaps_of(plant, q, here)
@@ -221,7 +221,7 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
         if deepest >= -0.5 * TOUCH:
             return True
         weigh(plant)
-        matrix, axes = np.empty((count + d * touching, n)), np.empty((touching * (1 + d), 3))
+        matrix, axes = np.empty((count + 2 * touching, n)), np.empty((touching * 3, 3))
         barrier_rows(plant, near[:count], 0, matrix, axes)
         metric, most = plant.placed.inertia.copy(), 0.0
         for i in range(n):

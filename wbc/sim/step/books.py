@@ -115,7 +115,7 @@ def soft_loss(rows: PartRows, contact: int) -> float:
 @inner
 def book_barriers(plant: Opened, rows: PartRows) -> None:
     """Write what contacts and stops lose, and what one of them made at most."""
-    books, speed, d = plant.end.books, plant.end.speed, plant.obstacles.tangents
+    books, speed = plant.end.books, plant.end.speed
     elements, both = len(rows.laws), len(rows.targets)
     contacts, soft = elements + both - len(rows.frictions), plant.bounds[HERTZ] > 0.0
     for i in range(elements, len(rows.impulse)):
@@ -127,8 +127,8 @@ def book_barriers(plant: Opened, rows: PartRows) -> None:
         if soft and contact >= 0:
             books[BOOK.contact] += soft_loss(rows, contact)
             continue
-        for a in range(d if contact >= 0 else 0):
-            along = elements + both + contact * d + a
+        for a in range(2 if contact >= 0 else 0):
+            along = elements + both + contact * 2 + a
             made += rows.impulse[along] * rows.speed[along]
         books[BOOK.normal] = max(books[BOOK.normal], made)
         mean = 0.5 * (dot(speed, rows.matrix[i]) + dot(plant.end.after, rows.matrix[i]))

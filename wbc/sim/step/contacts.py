@@ -239,16 +239,13 @@ def rates_at(plant: Opened, closed: Flags, v: Row, rate: OutRow) -> None:
 
 
 @inner
-def contact_axes(normal: Row, planar: bool, axes: OutDense) -> None:
-    """Write the normal and one tangent in x-z, or two tangents, as unit vectors (1 + d, 3).
+def contact_axes(normal: Row, axes: OutDense) -> None:
+    """Write the normal and two tangents as unit vectors (3, 3).
 
     On level ground the tangents are along +x, and +y.
     """
     axes[:] = 0.0
     copy_to(normal, axes[0])
-    if planar:
-        axes[1, 0], axes[1, 2] = normal[2], -normal[0]
-        return
     # The world axis less its normal part: x, or y where x is nearly along the normal.
     world = 0 if abs(normal[0]) < 0.9 else 1
     axes[1, world] = 1.0
@@ -270,19 +267,19 @@ def barrier_rows(plant: Opened, held: Places, first: int, matrix: OutDense, axes
         held: (l + k,) their numbers, in order.
         first: row of `matrix` at which they start.
         matrix: (r, nv) to write.
-        axes: (k (1 + d), 3) to write.
+        axes: (3 k, 3) to write.
     """
-    limit_at, size = plant.obstacles.limit_at, 1 + plant.obstacles.tangents
-    j, count = len(limit_at), len(axes) // size
+    limit_at = plant.obstacles.limit_at
+    j, count = len(limit_at), len(axes) // 3
     limits = len(held) - count
     for row in range(limits):
         matrix[first + row] = 0.0
         matrix[first + row, limit_at[held[row] % j, 1]] = 1.0 if held[row] < j else -1.0
     for c in range(count):
-        which, own = held[limits + c] - 2 * j, axes[size * c : size * (c + 1)]
-        contact_axes(plant.obstacles.touch[which, 1:4], size == 2, own)
-        for a in range(size):
-            at = c if a == 0 else count + c * (size - 1) + a - 1
+        which, own = held[limits + c] - 2 * j, axes[3 * c : 3 * (c + 1)]
+        contact_axes(plant.obstacles.touch[which, 1:4], own)
+        for a in range(3):
+            at = c if a == 0 else count + c * 2 + a - 1
             contact_row(plant, which, own[a], matrix[first + limits + at])
 
 

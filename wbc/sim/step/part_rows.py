@@ -48,7 +48,7 @@ class PartRows(NamedTuple):
         targets: (l + k,) lowest speeds.
         frictions: (k,).
         free: v (nv,) without the rows.
-        axes: (k (1 + d), 3) of the closed contacts.
+        axes: (3 k, 3) of the closed contacts.
         held: (l + k,) numbers of the closed barriers, limits first.
         places: (r,) of the rows among the impulses that a state keeps.
         motor: (m,) speeds of the motor outputs before.
@@ -170,19 +170,19 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
     `lower[0, 0]` is no number where H_l is not positive.
     """
     gears, obstacles, v = plant.gears, plant.obstacles, plant.now.velocity
-    n, m, d, limits = len(v), len(gears.rows), obstacles.tangents, obstacles.limits
+    n, m, limits = len(v), len(gears.rows), obstacles.limits
     both, touching, heap = 0, 0, plant.heap
     for i in range(len(closed)):
         both, touching = both + closed[i], touching + (closed[i] and i >= limits)
     elements = m + rubbing
-    total = elements + both + d * touching
+    total = elements + both + 2 * touching
     yields = step > 0.0 and (gears.loose or plant.bounds[HERTZ] > 0.0)
     count = n + m + len(plant.tree.joints)
     reserve(heap, (total + n) * (2 * n + 150) + 100 * count + 20 * WORDS)
     found = PartRows(
         table_of(heap, total, n), table_of(heap, n, n), table_of(heap, elements, 9),
         zeros_of(heap, both), row_of(heap, touching), copied_row(heap, v),
-        table_of(heap, touching * (1 + d), 3), whole_of(heap, both), whole_of(heap, total),
+        table_of(heap, touching * 3, 3), whole_of(heap, both), whole_of(heap, total),
         row_of(heap, m), zeros_of(heap, m), table_of(heap, elements + touching if yields else 0, 9),
         zeros_of(heap, total), zeros_of(heap, total), row_of(heap, total), zeros_of(heap, m), step,
     )  # fmt: skip
@@ -200,10 +200,10 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
     for row in range(both):
         rows.places[elements + row] = m + n + rows.held[row]
     for c in range(touching):
-        which, row = rows.held[both - touching + c] - limits, elements + both + d * c
+        which, row = rows.held[both - touching + c] - limits, elements + both + 2 * c
         rows.frictions[c] = obstacles.frictions[which]
-        for a in range(d):
-            rows.places[row + a] = m + n + len(closed) + d * which + a
+        for a in range(2):
+            rows.places[row + a] = m + n + len(closed) + 2 * which + a
     if not factor_inertia(plant.placed.inertia, rows.lower):
         rows.lower[0, 0] = np.nan
     return rows
@@ -278,23 +278,22 @@ def world_pushes(plant: Opened, rows: PartRows) -> None:
     In world axes, from the rows of a part or an impact.
     """
     obstacles, count, axes = plant.obstacles, len(rows.frictions), rows.axes
-    d, limits, pushes = obstacles.tangents, len(rows.targets) - count, plant.end.pushes
+    limits, pushes = len(rows.targets) - count, plant.end.pushes
     first, impulse = len(rows.laws) + limits, rows.impulse
     pushes[:] = 0.0
     for c in range(count):
         which = rows.held[limits + c] - obstacles.limits
         pushed = pushes[3 * obstacles.sides[which, 2] :]
-        add_times(impulse[first + c], axes[c * (1 + d)], pushed)
-        for a in range(d):
-            along = impulse[first + count + c * d + a]
-            add_times(along, axes[c * (1 + d) + 1 + a], pushed)
+        add_times(impulse[first + c], axes[c * 3], pushed)
+        for a in range(2):
+            along = impulse[first + count + c * 2 + a]
+            add_times(along, axes[c * 3 + 1 + a], pushed)
 
 
 @inner
 def part_system(plant: Opened, rows: PartRows) -> RowSystem:
     """Return what a part is to its rows."""
-    tangents, heap = plant.obstacles.tangents, plant.heap
     return system_of(
-        heap, rows.matrix, rows.lower, rows.free, rows.laws, rows.flanks, rows.targets,
-        rows.frictions, tangents,
+        plant.heap, rows.matrix, rows.lower, rows.free, rows.laws, rows.flanks, rows.targets,
+        rows.frictions,
     )  # fmt: skip

@@ -80,7 +80,6 @@ class Obstacles(NamedTuple):
         touch: (c, 7) memory: gap, normal out of the solid (3), and where the point touches (3).
         limits: 2 j, how many barriers are joint limits.
         rigid: how many are rigid: all, or the limits where contacts are compliant.
-        tangents: d per contact, one where contact points move in x-z only, else two.
         asked: address of a function of Python that fills `touch`, else zero.
     """
 
@@ -95,7 +94,6 @@ class Obstacles(NamedTuple):
     touch: OutDense
     limits: int
     rigid: int
-    tangents: int
     asked: int
 
 
