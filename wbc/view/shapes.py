@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import product
 from typing import Any
 
@@ -10,6 +9,7 @@ import coal
 import meshcat.geometry as mg
 import numpy as np
 import pinocchio as pin
+from pinocchio.visualize.meshcat_visualizer import loadMesh, loadPrimitive
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.robot import Robot
@@ -31,57 +31,22 @@ class UprightCylinder(mg.Cylinder):  # type: ignore[misc]
         return _UPRIGHT
 
 
-def capsule(length: float, radius: float) -> mg.TriangularMeshGeometry:
-    """Return a capsule along z, centred; `length` is that of its straight part [m]."""
-    around, rings = 20, 7  # rings of each end
-    tilt = np.linspace(0.0, 0.5 * np.pi, rings)
-    height, wide = 0.5 * length + radius * np.sin(tilt), radius * np.cos(tilt)
-    z, r = np.concatenate([-height[::-1], height]), np.concatenate([wide[::-1], wide])
-    angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
-    circles = np.outer(r, np.cos(angle)), np.outer(r, np.sin(angle)), np.tile(z[:, None], around)
-    low = np.arange(z.size * around).reshape(-1, around)
-    low, high = low[:-1], low[1:]
-    next_low, next_high = (np.roll(ring, -1, axis=1) for ring in (low, high))
-    faces = np.stack([low, next_low, high, next_low, next_high, high], axis=-1).reshape(-1, 3)
-    vertices = np.stack(circles, axis=-1).reshape(-1, 3)
-    return mg.TriangularMeshGeometry(vertices, faces)
-
-
 def meshcat_geometry(shape: Any) -> Any | None:
     """Return what meshcat draws for a coal shape (pinocchio's GeometryObject.geometry).
 
     None for one that has no surface to draw. Meshes come with their scale applied.
     """
     match shape:
-        case coal.Box():
-            return mg.Box((2.0 * shape.halfSide).tolist())
-        case coal.Sphere():
-            return mg.Sphere(float(shape.radius))
-        case coal.Ellipsoid():
+        case coal.Ellipsoid():  # which pinocchio does not draw
             return mg.Ellipsoid(shape.radii.tolist())
-        case coal.Cylinder():
-            return UprightCylinder(float(2.0 * shape.halfLength), float(shape.radius))
-        case coal.Cone():
-            length, radius = float(2.0 * shape.halfLength), float(shape.radius)
-            return UprightCylinder(length, radiusTop=0.0, radiusBottom=radius)
-        case coal.Capsule():
-            return capsule(float(2.0 * shape.halfLength), float(shape.radius))
-        case coal.BVHModelBase():
-            return _mesh(shape.vertices(), shape.tri_indices, shape.num_tris)
-        case coal.Convex():
-            return _mesh(shape.points(), shape.polygons, shape.num_polygons)
+        case coal.Box() | coal.Sphere() | coal.Cylinder() | coal.Cone() | coal.Capsule():
+            return loadPrimitive(pin.GeometryObject("", 0, pin.SE3.Identity(), shape))
+        case coal.BVHModelBase() | coal.Convex():
+            mesh = loadMesh(shape)
+            if len(getattr(mesh, "faces", ())) > _MAX_TRIANGLES:  # a playback travels by mail
+                return mg.TriangularMeshGeometry(*_clustered(mesh.vertices, mesh.faces))
+            return mesh if hasattr(mesh, "faces") else None
     return None
-
-
-def _mesh(vertices: FloatArray, triangle: Callable[[int], Any], count: int) -> Any | None:
-    """Return `count` triangles, which coal gives by their number; None if there are none."""
-    if count == 0:
-        return None
-    triangles = (triangle(i) for i in range(count))
-    faces = np.array([(t[0], t[1], t[2]) for t in triangles], dtype=np.int64)
-    if count > _MAX_TRIANGLES:  # a playback travels by mail
-        vertices, faces = _clustered(vertices, faces)
-    return mg.TriangularMeshGeometry(vertices, faces)
 
 
 def _clustered(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
