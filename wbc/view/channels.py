@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from scipy.signal import lfilter
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import Workspace, evaluate, link_torque, rotor_torque as needed_torque
@@ -343,41 +344,30 @@ def model_ghost(
 
 def _answer(model: Robot, record: Record) -> FloatArray:
     """Return q (N, nq): the measured motion plus the tied error of the model."""
-    topology, driven = model.transmission.topology, model.actuated
+    gears, driven, motion = model.transmission, model.actuated, record.motion
     torque = np.array(evidence(model, [record]).unexplained[0])
-    torque[:, driven] = np.linalg.solve(topology.T, torque[:, driven].T).T
-    step = 1.0 / record.rate
-    error, rate = np.zeros(model.model.nv), np.zeros(model.model.nv)
-    position = np.empty(record.motion.position.shape)
-    space = Workspace(model)
-    for row, q in enumerate(record.motion.position):
-        push = _acceleration(model, space, record, row, torque[row])
-        # Implicit in the spring: stable at any rate of the log.
-        rate = (rate + step * (push - error / TIE**2)) / (1.0 + 2.0 * step / TIE + step**2 / TIE**2)
-        error = error + step * rate
-        position[row] = pin.integrate(model.model, q, error)
-    return position
-
-
-def _acceleration(
-    model: Robot, space: Workspace, record: Record, row: int, torque: FloatArray
-) -> FloatArray:
-    """Return what a torque (nv,) too much does, loaded contacts held in place."""
-    terms = evaluate(model, record.motion.position[row], record.motion.velocity[row], space)
-    inertia, gears = terms.mass_matrix.copy(), model.transmission
+    torque[:, driven] = np.linalg.solve(gears.topology.T, torque[:, driven].T).T
     rotors = gears.motor_from_joint.T * gears.reflected_inertia @ gears.motor_from_joint
-    inertia[np.ix_(model.actuated, model.actuated)] += rotors
-    loaded = [
-        3 * i + axis
-        for i, contact in enumerate(model.contacts)
-        for axis in range(3)
-        if np.abs(record.forces.get(contact.name, np.zeros((row + 1, 3)))[row]).max() > 1.0
-    ]
-    held = terms.contact_jacobian[loaded]
-    size = len(loaded)
-    equations = np.block([[inertia, held.T], [held, np.zeros((size, size))]])
-    found = np.linalg.lstsq(equations, np.append(torque, np.zeros(size)), rcond=None)[0]
-    return np.asarray(found[: torque.size])
+    bears = np.zeros((3 * len(model.contacts), len(torque)), dtype=bool)
+    for k, contact in enumerate(model.contacts):
+        if contact.name in record.forces:
+            bears[3 * k : 3 * k + 3] = np.abs(record.forces[contact.name]).max(axis=1) > 1.0
+    space, push = Workspace(model), np.empty(torque.shape)
+    for row, q in enumerate(motion.position):
+        # What the torque too much does, loaded contacts held in place.
+        terms = evaluate(model, q, motion.velocity[row], space)
+        inertia, held = terms.mass_matrix.copy(), terms.contact_jacobian[bears[:, row]]
+        inertia[np.ix_(driven, driven)] += rotors
+        equations = np.block([[inertia, held.T], [held, np.zeros((len(held), len(held)))]])
+        asked = np.append(torque[row], np.zeros(len(held)))
+        push[row] = np.linalg.lstsq(equations, asked, rcond=None)[0][: push.shape[1]]
+    # Implicit in the spring: stable at any rate of the log.
+    step = 1.0 / (record.rate * TIE)
+    slow = (1.0 + step) ** 2
+    memory = [1.0, -1.0 - (1.0 - step**2) / slow, 1.0 / slow]
+    error = lfilter([(step * TIE) ** 2 / slow], memory, push, axis=0)
+    pairs = zip(motion.position, error, strict=True)
+    return np.array([pin.integrate(model.model, q, moved) for q, moved in pairs])
 
 
 _FRAME_RATE = 60.0
