@@ -216,18 +216,16 @@ def steady_level(values: FloatArray, direction: FloatArray, rate: float) -> Floa
         direction: (N, n) of what moves behind each, -1, 0 or 1.
         rate: [Hz].
     """
-    result = np.full(values.shape[1], np.inf)
     if len(values) < 2 * WINDOW_SAMPLES:
-        return result
+        return np.full(values.shape[1], np.inf)
     left = unsmooth(np.arange(len(values)) / rate, values) ** 2
     turned = np.zeros(values.shape, dtype=bool)
     turned[1:] = np.diff(direction, axis=0) != 0.0
-    near = maximum_filter1d(turned, 2 * WINDOW_SAMPLES + 1, axis=0, mode="constant")
-    near[:WINDOW_SAMPLES] = near[-WINDOW_SAMPLES:] = True
-    for column, far in enumerate(~near.T):
-        if np.sum(far) >= 2 * WINDOW_SAMPLES:
-            result[column] = np.mean(left[far, column]) * 2.0 / rate
-    return result
+    far = ~maximum_filter1d(turned, 2 * WINDOW_SAMPLES + 1, axis=0, mode="constant")
+    far[:WINDOW_SAMPLES] = far[-WINDOW_SAMPLES:] = False
+    count = np.sum(far, axis=0)
+    level = np.sum(left * far, axis=0) / np.maximum(count, 1) * 2.0 / rate
+    return np.where(count >= 2 * WINDOW_SAMPLES, level, np.inf)
 
 
 def quantisation_level(values: FloatArray, rate: float) -> FloatArray:
@@ -241,19 +239,15 @@ def quantisation_level(values: FloatArray, rate: float) -> FloatArray:
         values: (N, n) samples.
         rate: [Hz].
     """
-    result = np.zeros(values.shape[1])
-    for column, samples in enumerate(values.T):
-        moves = np.abs(np.diff(samples))
-        moves = moves[moves > _ROUNDING * max(float(np.ptp(samples)), 1e-300)]
-        if not moves.size or not np.isfinite(moves).all():
-            continue
-        step = float(moves.min())
-        parts = moves / step
-        if np.mean(np.abs(parts - np.round(parts)) < 0.1) < 0.95:
-            continue
-        crossings = float(np.sum(parts)) / (len(samples) / rate)
-        result[column] = step**2 / 12.0 * 2.0 / np.clip(crossings, _SLOWEST, rate)
-    return result
+    moves = np.abs(np.diff(values, axis=0))
+    least = _ROUNDING * np.maximum(np.ptp(values, axis=0), 1e-300)
+    moves = np.where(moves > least, moves, np.nan)
+    step = np.fmin.reduce(moves, axis=0)
+    parts = moves / step
+    count, whole = np.sum(parts > 0.0, axis=0), np.abs(parts - np.round(parts)) < 0.1
+    crossings = np.nansum(parts, axis=0) / (len(values) / rate)
+    level = step**2 / 12.0 * 2.0 / np.clip(crossings, _SLOWEST, rate)
+    return np.where((count > 0) & (np.sum(whole, axis=0) >= 0.95 * count), level, 0.0)
 
 
 def smoothed(
