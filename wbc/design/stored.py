@@ -14,7 +14,6 @@ from wbc.errors import DesignError, needs, require_known
 from wbc.files import atomic_write
 from wbc.parallel import Watch
 
-_BLOCK = 1024
 _CHUNK = 4096  # designs at once: their arrays stay in the cache of the processor
 
 
@@ -61,13 +60,14 @@ def pareto_front(table: Mapping[str, FloatArray], objectives: Sequence[Objective
     order = usable[np.lexsort(costs[usable].T[::-1])]
     if len(objectives) <= 2:
         return order[~_beaten_in_order(costs[order, 0], costs[order, -1])]
-    front = order[:0]
-    for start in range(0, len(order), _BLOCK):
-        rows = order[start : start + _BLOCK]
-        rows = rows[~_beaten(costs[rows], costs[front])]
-        rows = rows[~_beaten(costs[rows], costs[rows])]
-        front = np.concatenate([front, rows])
-    return front
+    front, left = list[int](), np.ascontiguousarray(costs[order].T)
+    while order.size:
+        front.append(order[0])
+        best = left[:, :1]
+        kept = (left < best).any(axis=0) | (left == best).all(axis=0)
+        kept[0] = False
+        order, left = order[kept], left[:, kept]
+    return np.array(front, dtype=np.int_)
 
 
 def _beaten_in_order(first: FloatArray, second: FloatArray) -> BoolArray:
@@ -79,17 +79,6 @@ def _beaten_in_order(first: FloatArray, second: FloatArray) -> BoolArray:
     begins = np.searchsorted(first, first)  # first row of those with the same first cost
     least = np.concatenate([[np.inf], np.minimum.accumulate(second)])[begins]
     return np.asarray((least <= second) | (second[begins] < second))
-
-
-def _beaten(costs: FloatArray, by: FloatArray) -> BoolArray:
-    """Return which rows of `costs` (a, n) some row of `by` (b, n) beats, (a,) bool."""
-    found = np.zeros(len(costs), dtype=np.bool_)
-    for start in range(0, len(by), _BLOCK):
-        some = by[start : start + _BLOCK]
-        no_worse = np.all(some[None] <= costs[:, None], axis=2)
-        better = np.any(some[None] < costs[:, None], axis=2)
-        found |= np.any(no_worse & better, axis=1)
-    return found
 
 
 def run_study(

@@ -290,15 +290,22 @@ class Predictions:
         of the true cause. exp(-d / 4) / 2 bounds the chance that noise names the wrong cause
         (Bhattacharyya), so that this is the distance with the same bound at values that are known.
         """
-        left = self.unfitted(pair[1], self.apart(pair)[:, None])[:, 0]
-        spread = self.rivals.open_part(pair[0])
-        if spread is None:
+        left, moved = self._left(pair)
+        if not moved.size:
             return float(0.5 * left @ left)
-        moved = self.unfitted(pair[1], self.sensitivities[pair[0]] @ spread)
         gram, lever = moved.T @ moved, moved.T @ left
         least = left @ left - lever @ np.linalg.solve(4.0 * np.eye(len(gram)) + gram, lever)
         grown = np.linalg.slogdet(np.eye(len(gram)) + 0.25 * gram)[1]
         return float(0.5 * least + 2.0 * grown)
+
+    def _left(self, pair: Pair) -> tuple[FloatArray, FloatArray]:
+        """Return r (N m,) and G (N m, p) of `near_distance`; p is 0 where the values are fixed."""
+        true, other = pair
+        spread = self.rivals.open_part(true)
+        both = [self.apart(pair)[:, None]]
+        both += [] if spread is None else [self.sensitivities[true] @ spread]
+        left = self.unfitted(other, np.concatenate(both, axis=1))
+        return left[:, 0], left[:, 1:]
 
     def apart(self, pair: Pair) -> FloatArray:
         """Return the difference (N m,) of two rivals at their expected values, over noise."""
@@ -328,32 +335,14 @@ class Predictions:
     def distances(self, pair: Pair) -> FloatArray:
         """Return `distance` (k,) at values of the true cause that earlier logs leave open.
 
-        The rival, taken as linear, is refitted to all logs. One number where the values are fixed.
+        Both causes are taken as linear, the rival is refitted to all logs. One number where the
+        values are fixed.
         """
-        true, other = pair
-        if self.rivals.open_part(true) is None:
+        left, moved = self._left(pair)
+        if not moved.size:
             return np.array([self.distance(pair)])
-        drawn = self._drawn_torques[true] - self.expected_torques[other][..., None]
-        left = self.unfitted(other, self.in_noise(drawn).reshape(-1, drawn.shape[2]))
-        return np.asarray(0.5 * np.sum(left**2, axis=0))
-
-    @cached_property
-    def _drawn_torques(self) -> list[FloatArray]:
-        """Torques (N, m, k) of every rival at values drawn from what is open."""
-        return [self._drawn(number) for number in range(len(self.rivals.causes))]
-
-    def _drawn(self, number: int) -> FloatArray:
-        cause, spread = self.rivals.causes[number], self.rivals.open_part(number)
-        scales, low, high = (cause_numbers(cause, of) for of in ("scale", "low", "high"))
-        steps = np.random.default_rng(0).normal(size=(_DRAWS, len(scales)))
-        torques = []
-        for step in steps if spread is not None else ():
-            values = np.clip(cause_values(cause) + scales * (spread @ step), low, high)
-            try:
-                torques.append(self._torque_with(cause, values))
-            except EffectError:  # values that no robot can have
-                continue
-        return np.stack(torques or [self.expected_torques[number]], axis=2)
+        steps = np.random.default_rng(0).normal(size=(moved.shape[1], _DRAWS))
+        return np.asarray(0.5 * np.sum((left[:, None] + moved @ steps) ** 2, axis=0))
 
     def signal(self, number: int) -> float:
         """Return half the squared torque that a cause adds, each row in units of its noise."""
