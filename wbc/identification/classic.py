@@ -54,15 +54,8 @@ def base_columns(matrix: FloatArray) -> tuple[list[int], FloatArray]:
     size = np.sqrt(np.sum(matrix**2, axis=0))
     felt = size > 1e-9 * size.max(initial=1e-300)
     scaled = matrix / np.where(felt, size, 1.0)
-    basis = np.zeros((len(matrix), 0))
-    kept = []
-    for k in np.flatnonzero(felt):
-        rest = scaled[:, k] - basis @ (basis.T @ scaled[:, k])
-        rest -= basis @ (basis.T @ rest)  # twice is enough
-        length = float(np.linalg.norm(rest))
-        if length > _DEPENDENT:
-            kept.append(int(k))
-            basis = np.column_stack([basis, rest / length])
+    new = np.abs(np.diagonal(np.linalg.qr(scaled[:, felt], mode="r"))) > _DEPENDENT
+    kept = np.flatnonzero(felt)[: new.size][new].tolist()
     others = [k for k in range(matrix.shape[1]) if k not in kept]
     mixing = np.linalg.lstsq(scaled[:, kept], scaled[:, others], rcond=None)[0]
     mixing[np.abs(mixing) < _NOTHING] = 0.0
