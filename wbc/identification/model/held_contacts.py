@@ -16,7 +16,7 @@ from wbc.identification.records.contacts import settled, stray_noise, strays
 from wbc.identification.records.record import Record, correlated_rows
 from wbc.robot import Effect, Robot
 
-_STEPS = 4  # Gauss-Newton steps to the most probable zeros
+_STEPS = 4  # rounds in which zeros and the sizes of movements settle
 _LEAST = 1e-9  # of the largest variance: below it an axis cannot move at all
 
 
@@ -81,34 +81,27 @@ class HeldContacts:
         usual = fit.usual.jacobian
         known = beside_others(a.T @ a + usual.T @ usual, rows)
 
-        def at(change: FloatArray) -> FloatArray:
+        def ways(step: FloatArray) -> FloatArray:
             """Return what the contacts move by with zeros changed, in units of their scales."""
-            slots = zip([fit.parameters[row] for row in rows], change.tolist(), strict=True)
-            changes = {(k, p.name): step * p.scale for (k, p), step in slots}
+            slots = zip([fit.parameters[row] for row in rows], step.tolist(), strict=True)
+            changes = {(k, p.name): change * p.scale for (k, p), change in slots}
             return self._strays(with_changes(fit.effects, changes, clip=True))
 
-        def cost(ways: FloatArray, change: FloatArray) -> float:
-            prior = float(change @ known @ change)
-            return 0.5 * float(self.samples @ np.log(_squares(ways))) + 0.5 * prior
-
-        moved = np.zeros(len(rows))
-        ways = at(moved)
-        best = cost(ways, moved)
+        here = ways(np.zeros(len(rows)))
+        slopes = np.stack([(ways(one) - here) / STEP for one in STEP * np.eye(len(rows))], axis=2)
+        moved, left = np.zeros(len(rows)), here
+        costs = [self._cost(here)]
         for _ in range(_STEPS):
-            columns = [(at(moved + STEP * unit) - ways) / STEP for unit in np.eye(len(rows))]
-            weight = np.sqrt(self.samples / _squares(ways) / len(ways))
-            a = np.stack([(column * weight).ravel() for column in columns], axis=1)
-            moment = a.T @ (ways * weight).ravel() + known @ moved
-            step = -np.linalg.lstsq(a.T @ a + known, moment, rcond=1e-9)[0]
-            tried = ((there, at(there)) for there in (moved + n * step for n in (1.0, 0.5, 0.25)))
-            found = next((one for one in tried if cost(one[1], one[0]) < best), None)
-            if found is None:
-                break
-            moved, ways = found
-            gain, best = best - cost(ways, moved), cost(ways, moved)
-            if gain < 0.1:
-                break
-        return 0.5 * float(self.samples @ np.log(np.maximum(self.first, 1.0))) - best
+            weight = np.sqrt(self.samples / _squares(left) / len(left))
+            a = (slopes * weight[:, None]).reshape(-1, len(rows))
+            moved = -np.linalg.lstsq(a.T @ a + known, a.T @ (here * weight).ravel(), rcond=1e-9)[0]
+            left = here + slopes @ moved
+            costs.append(self._cost(left) + 0.5 * float(moved @ known @ moved))
+        first = 0.5 * float(self.samples @ np.log(np.maximum(self.first, 1.0)))
+        return first - min(costs)
+
+    def _cost(self, ways: FloatArray) -> float:
+        return 0.5 * float(self.samples @ np.log(_squares(ways)))
 
     def _strays(self, effects: Sequence[Effect]) -> FloatArray:
         """Return (rows, axes) what the contacts move by, over the deviation of noise."""
