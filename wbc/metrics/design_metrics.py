@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
 from wbc.metrics.designs import ContactTask, Designs, designs_task, ratio
-from wbc.metrics.force_capability import holding_torques, joule_heats, least_force, limits_of
+from wbc.metrics.force_capability import forces_along, holding_torques, joule_heats
 from wbc.transmission import Direction
 
 _LOCKED = 1e-12  # the share of the conservative mobility below which there is none
@@ -106,15 +106,11 @@ def _inertias(task: ContactTask, n: FloatArray) -> dict[str, FloatArray]:
 
 
 def _forces(task: ContactTask, n: FloatArray, load: float | None) -> dict[str, FloatArray]:
-    robot, gears, lever = task.designs.robot, task.designs.gears, task.levers(n)
-    unpowered = {**gears, "torque_limit": np.zeros((1, 1))}
-    force = robot.weight if load is None else load
-    perfect, least = holding_torques(gears, task.torque_from_force @ n * force)
+    robot = task.designs.robot
+    output = task.torque_from_force @ n * (robot.weight if load is None else load)
+    perfect, least = holding_torques(task.designs.gears, output)
     return {
-        "conventional": least_force(limits_of(gears, Direction.STUCK), lever),
-        "lift": least_force(limits_of(gears, Direction.FORWARD), lever),
-        "hold": least_force(limits_of(gears, Direction.BACKWARD), lever),
-        "backdriving_force": least_force(limits_of(unpowered, Direction.BACKWARD), lever),
+        **forces_along(task, n),
         "holding_torque": np.sqrt(np.sum(least**2, axis=1)),
         "holding_torque_lossless": np.sqrt(np.sum(perfect**2, axis=1)),
         "heat_saved": joule_heats(robot, perfect, least)[2],

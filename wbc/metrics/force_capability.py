@@ -70,21 +70,14 @@ class ForceCapability:
             DynamicsError: a direction in which the structure carries the force without any
                 torque (a singular pose).
         """
-        lever = self.levers(direction)[None]
-        modes = (Direction.STUCK, Direction.FORWARD, Direction.BACKWARD)
-        return ForceRange(*(float(least_force(self.limits(m)[None], lever)[0]) for m in modes))
+        found = self._forces(direction)
+        return ForceRange(found["conventional"], found["lift"], found["hold"])
 
-    def levers(self, direction: ArrayLike) -> FloatArray:
-        """Return the gear torque per force along `direction` (k,) [m], 0 where a gear bears none.
-
-        Raises:
-            DynamicsError: no gear bears anything (a singular pose).
-        """
+    def _forces(self, direction: ArrayLike) -> dict[str, float]:
         n = self.task.direction(direction)
-        lever = self.task.levers(n)[0, list(self.gears)]
-        if not lever.any():
+        if not self.task.levers(n).any():
             raise self._unbounded(n)
-        return np.asarray(lever)
+        return {name: float(force[0]) for name, force in forces_along(self.task, n).items()}
 
     @property
     def backdriving_torque(self) -> FloatArray:
@@ -93,8 +86,7 @@ class ForceCapability:
         N tau_c / eta_b with the rotor's dry friction tau_c: 0 without it, infinite for a
         self-locking gear.
         """
-        unpowered = {**self.task.designs.gears, "torque_limit": np.zeros((1, 1))}
-        return frozen(limits_of(unpowered, Direction.BACKWARD)[0])
+        return frozen(unpowered_limits(self.task.designs.gears)[0])
 
     def backdriving(self, direction: ArrayLike) -> float:
         """Return the force [N] along `direction` (n,) at which the first unpowered gear gives way.
@@ -102,8 +94,7 @@ class ForceCapability:
         Raises:
             DynamicsError: a direction in which the structure bears the force without any torque.
         """
-        limits = self.backdriving_torque[list(self.gears)]
-        return float(least_force(limits[None], self.levers(direction)[None])[0])
+        return self._forces(direction)["backdriving_force"]
 
     def moving(self, direction: ArrayLike) -> FloatArray:
         """Return the corners (c, n) [N] of the combined polygon of lifting and holding.
@@ -232,14 +223,24 @@ def limits_of(gears: Mapping[str, FloatArray], directions: ArrayLike) -> FloatAr
     return np.asarray(np.where(mode > 0.0, lifted, np.where(mode < 0.0, held, motor)))
 
 
-def least_force(limits: FloatArray, lever: FloatArray) -> FloatArray:
-    """Return the force (k,) [N] at which the first gear reaches its limit, infinite without one.
+def unpowered_limits(gears: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the torque (k or 1, m) [N m] at each motor output that turns an unpowered gear."""
+    return limits_of({**gears, "torque_limit": np.zeros((1, 1))}, Direction.BACKWARD)
 
-    Args:
-        limits: (k or 1, m) [N m].
-        lever: torque per force (k or 1, m) [m], 0 where a gear bears none.
+
+def forces_along(task: ContactTask, n: FloatArray) -> dict[str, FloatArray]:
+    """Return the forces (k,) [N] along n at which the first gear reaches its limit.
+
+    With perfect gears, lifting, holding, and without power; infinite without a limit.
     """
-    return np.asarray(ratio(limits, lever, 0.0, np.inf).min(axis=1))
+    gears, lever = task.designs.gears, task.levers(n)
+    limits = {
+        "conventional": limits_of(gears, Direction.STUCK),
+        "lift": limits_of(gears, Direction.FORWARD),
+        "hold": limits_of(gears, Direction.BACKWARD),
+        "backdriving_force": unpowered_limits(gears),
+    }
+    return {name: ratio(own, lever, 0.0, np.inf).min(axis=1) for name, own in limits.items()}
 
 
 def holding_torques(
@@ -303,11 +304,9 @@ def holding(
     """
     if not 0.0 <= load < np.inf:
         raise DynamicsError(f"load must be >= 0 and finite, got {load}.")
-    reach = force_capability(robot, position, contact, axes)
-    gears = robot.transmission
-    output = np.zeros(gears.size)
-    output[list(reach.gears)] = load * (reach.torque_from_force @ reach.task.direction(direction))
-    perfect, least = holding_torques(reach.task.designs.gears, output[None])
+    task, gears = contact_task(robot, position, contact, axes), robot.transmission
+    output = load * task.torque_from_force @ task.direction(direction)
+    perfect, least = holding_torques(task.designs.gears, output)
     spent, rest, saved = (float(one[0]) for one in joule_heats(robot, perfect, least))
     known = 1.0 if np.isfinite(gears.copper_loss).all() else np.nan
     return Holding(frozen(perfect[0]), frozen(least[0]), known * spent, known * rest, saved)

@@ -89,7 +89,7 @@ class HeldContacts:
 
         here = ways(np.zeros(len(rows)))
         slopes = np.stack([(ways(one) - here) / STEP for one in STEP * np.eye(len(rows))], axis=2)
-        moved, left = np.zeros(len(rows)), here
+        left = here
         costs = [self._cost(here)]
         for _ in range(_STEPS):
             weight = np.sqrt(self.samples / _squares(left) / len(left))
