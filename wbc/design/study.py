@@ -21,7 +21,7 @@ from wbc.errors import DesignError, require_known, unknown_name
 from wbc.metrics import DesignMetrics, Designs, design_metrics, with_contact_at
 from wbc.metrics.designs import GEAR_FIELDS
 from wbc.robot import Robot
-from wbc.transmission import GEAR_NUMBERS, Transmission, wedge_backward_efficiency
+from wbc.transmission import GEAR_NUMBERS, wedge_backward_efficiency
 
 _CALLED = {"gear_ratio": "reduction", "rotor_coulomb_friction": "rotor_friction"}
 GEAR_PARAMETERS = {_CALLED.get(field, field): field for field in GEAR_FIELDS}
@@ -245,46 +245,38 @@ class Study:
             DynamicsError, TransmissionError: a value outside its range.
         """
         robot, values = loaded(self.robot, self.contact), self.values(start, stop)
-        count, gears = stop - start, robot.transmission
-        q = np.tile(np.array(self.position), (count, 1))
-        given = self._from_catalogue(values, gears) if self.gearboxes else {}
-        for parameter in self.parameters:
-            column = values[parameter.column]
-            if parameter.name == "joint":
-                q[:, robot.position_index(parameter.place)] = column
-            else:
-                field = GEAR_PARAMETERS[parameter.name]
-                wide = given.setdefault(field, np.tile(getattr(gears, field), (count, 1)))
-                rows = [gears.index(parameter.place)] if parameter.place else slice(None)
-                wide[:, rows] = column[:, None]
+        gears, q = robot.transmission, np.array([self.position])
+        told: dict[str, FloatArray] = {}
+
+        def tell(field: str, numbers: FloatArray, gear: int | slice = slice(None)) -> None:
+            wide = told.setdefault(field, np.full((stop - start, gears.size), np.nan))
+            wide[:, gear] = numbers
+
         if self.gearboxes:
-            # A forward efficiency alone brings the wedge's backward one; none leaves the robot's.
-            forward, backward = given["forward_efficiency"], given["backward_efficiency"]
-            told = np.where(np.isnan(forward), gears.forward_efficiency, forward)
-            other = np.where(
-                np.isnan(forward), gears.backward_efficiency, wedge_backward_efficiency(told)
-            )
-            given["forward_efficiency"] = told
-            given["backward_efficiency"] = np.where(np.isnan(backward), other, backward)
+            rows = values["gearbox"].astype(np.int_)
+            columns = [[getattr(box, name) for box in self.gearboxes] for name in _NUMBERS]
+            reduction, forward, backward, inertia = np.array(columns, dtype=float)[:, rows, None]
+            tell("gear_ratio", np.sign(gears.gear_ratio) * reduction)
+            tell("rotor_inertia", gears.rotor_inertia + inertia)
+            tell("forward_efficiency", forward)
+            tell("backward_efficiency", backward)
+        for p in self.parameters:
+            if p.name == "joint":
+                q = np.repeat(q, 1 if len(q) > 1 else stop - start, axis=0)
+                q[:, robot.position_index(p.place)] = values[p.column]
+            else:
+                gear = gears.index(p.place) if p.place else slice(None)
+                column = values[p.column]
+                tell(GEAR_PARAMETERS[p.name], column if p.place else column[:, None], gear)
+        given = {n: np.where(np.isnan(x), getattr(gears, n), x) for n, x in told.items()}
+        if "forward_efficiency" in told:
+            # A forward efficiency alone brings the wedge's backward one.
+            own = given.get("backward_efficiency", gears.backward_efficiency)
+            alone = np.isnan(told.get("backward_efficiency", np.nan))
+            alone = alone & ~np.isnan(told["forward_efficiency"])
+            wedge = wedge_backward_efficiency(given["forward_efficiency"])
+            given["backward_efficiency"] = np.where(alone, wedge, own)
         return Designs.of(robot, q, given)
-
-    def _from_catalogue(
-        self, values: Mapping[str, FloatArray], gears: Transmission
-    ) -> dict[str, FloatArray]:
-        """Return the gear fields (k, m) that the catalogue sets; NaN for unknown efficiencies."""
-        rows = values["gearbox"].astype(np.int_)
-
-        def told(name: str) -> FloatArray:
-            column = np.array([getattr(box, name) for box in self.gearboxes], dtype=np.float64)
-            return np.tile(column[rows, None], gears.size)
-
-        reduction = np.sign(gears.gear_ratio) * told("reduction")
-        return {
-            "gear_ratio": np.where(np.isnan(reduction), gears.gear_ratio, reduction),
-            "rotor_inertia": gears.rotor_inertia + np.nan_to_num(told("gear_inertia")),
-            "forward_efficiency": told("forward_efficiency"),
-            "backward_efficiency": told("backward_efficiency"),
-        }
 
     def evaluate(self, rows: range) -> dict[str, FloatArray]:
         """Return the table of some designs by column."""
