@@ -201,7 +201,7 @@ class Terms:
     def best(self, fit: Fit, beside: Sequence[int], pairs: bool) -> list[tuple[int, ...]]:
         """Return terms, or pairs, that explain most of all rows beside a fit and other terms."""
         flat = self.columns.reshape(-1, len(self.terms))
-        known = fit.jacobian[:, self.outputs].reshape(len(flat), -1)
+        known = fit.jacobian[:, self.outputs].reshape(len(flat), len(fit.parameters))
         basis = np.linalg.qr(np.concatenate([known, flat[:, beside]], axis=1))[0]
         left = flat - basis @ (basis.T @ flat)
         squares = np.sum(left**2, axis=0)
@@ -225,21 +225,20 @@ def _columns(
     """Return columns (rows, c, outputs) in the outputs' units, and levels (rows, c)."""
     motion = record.motion_of(robot)
     nudged = robot.with_effect(CustomTorque.at(joint, {"1": _NUDGE}))
-    gain = (raw_residual(nudged, record) - raw_residual(robot, record)) / _NUDGE
+    gain = (raw_residual(nudged, record) - raw_residual(robot, record)) / _NUDGE * record.scale
     felt = np.flatnonzero(np.abs(gain).max(axis=0) > 1e-9)
     known = {f: f.value(robot, motion) for f in {f for term in terms for f in term.factors}}
     sign = np.sign(motion.velocity[:, robot.velocity_index(joint)])
-    sure = record.weight[:, felt].min(axis=1) > 0.5
-    columns, levels = np.zeros((record.rows, len(terms), gain.shape[1])), []
+    torque = np.ones((len(sign), len(terms)))
     for k, term in enumerate(terms):
-        direction = term.direction_of(joint)
-        torque = np.ones(len(sign))
         for factor in term.factors:
-            torque = torque * (sign if factor is direction else known[factor])
-        weighted = (gain * record.scale)[:, felt] * torque[:, None]
-        columns[:, k, felt] = record.condense_driven(weighted)
-        levels.append(record.thinned(-torque * sign * sure * (direction is not None)))
-    return columns, np.stack(levels, axis=1)
+            torque[:, k] *= sign if factor is term.direction_of(joint) else known[factor]
+    dry = np.array([term.direction_of(joint) is not None for term in terms])
+    sure = record.weight[:, felt].min(axis=1, keepdims=True) > 0.5
+    columns = np.zeros((record.rows, len(terms), gain.shape[1]))
+    for output in felt:
+        columns[:, :, output] = record.condense_driven(torque * gain[:, [output]])
+    return columns, record.thinned(-torque * sign[:, None] * dry * sure)
 
 
 @dataclass(frozen=True, eq=False)
@@ -457,8 +456,10 @@ def _search(problem: EstimationProblem, known: Sequence[Effect], progress: Repor
         column = problem.robot.position_index(joint)
         if max(np.ptp(motion.position[:, column]) for motion in seen.motions) > _STILL:
             progress(f"searching a formula for {joint}")
-            waiting[joint] = Terms.at(problem, found.fit.robot, joint, seen)
-            offers[joint] = find_terms(problem, found.fit, found.hypothesis, waiting[joint])
+            terms = Terms.at(problem, found.fit.robot, joint, seen)
+            if terms.outputs.size:
+                waiting[joint] = terms
+                offers[joint] = find_terms(problem, found.fit, found.hypothesis, terms)
     while offers:
         joint = max(offers, key=lambda name: offers[name][1])
         terms, (best, _) = waiting.pop(joint), offers.pop(joint)

@@ -262,3 +262,11 @@ def test_a_double_pendulum_on_trajectories_that_nobody_fitted() -> None:
         # Published, from other logs: 1.57 * 0.093 and 1.57 * 0.078 N m.
         assert dry == pytest.approx(-0.14, rel=0.25)
     assert compare(found.robot, given[1::4]).error < 0.6 * compare(arm, given[1::4]).error
+
+
+def test_an_arm_with_a_coupled_wrist() -> None:
+    arm, (log,) = recorded("staubli_tx40")
+    found = discover(arm, [log[: 2 * len(log) // 3]])
+    terms = {proposal.effect.where: proposal.effect.values for proposal in found.proposals}
+    assert terms["joint_4"]["sign(v_joint_4)"] == pytest.approx(-2.2, rel=0.2)
+    assert found.error.after < 0.5 * found.error.before
