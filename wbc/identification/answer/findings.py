@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import eigh
 
 from wbc.arrays import FloatArray
 from wbc.effects.gear_losses import YieldingGear
@@ -205,28 +206,15 @@ def quantities_of(
     }
     simple = _simplest(estimates, found)
     differ = {name: e for name, e in simple.items() if not e.low <= before[name].value <= e.high}
-    sentences = [_numbers_told(usual.T @ usual, known)]
+    # What the logs know of directions of the p parameters, in units of what is known without them.
+    more = eigh(known - usual.T @ usual, usual.T @ usual, eigvals_only=True)
+    sentences = [
+        f"these logs tell {int(np.sum(more > 1.0 / _TOLD**2 - 1.0))} of its {len(rows)} numbers or "
+        "of their combinations; the rest is regularised towards the CAD inertia"
+    ]
     if not differ:
         sentences.append("no mass, centre or moment alone differs for certain, only sums of them")
     return differ, sentences
-
-
-def _numbers_told(usual: FloatArray, known: FloatArray) -> str:
-    """Return in words how many directions of p parameters the logs tell.
-
-    By the eigenvalues of what the logs know of them in units of what is known without.
-
-    Args:
-        usual: (p, p) information on them without the logs.
-        known: (p, p) the same with the logs.
-    """
-    root = np.linalg.inv(np.linalg.cholesky(usual))
-    told = np.linalg.eigvalsh(root @ (known - usual) @ root.T)
-    count = int(np.sum(told > 1.0 / _TOLD**2 - 1.0))
-    return (
-        f"these logs tell {count} of its {len(usual)} numbers or of their combinations; the rest "
-        "is regularised towards the CAD inertia"
-    )
 
 
 def _spread(information: FloatArray, slopes: FloatArray) -> FloatArray:
