@@ -93,12 +93,11 @@ def _answer(qualities: Sequence[LogQuality], remarks: int, quiet: bool) -> str:
     if wrong:
         why = " Why: the same command without --quiet." if quiet else ""
         return f"do not use yet: {', '.join(wrong)} would give wrong results.{why}"
-    if remarks and quiet:
-        many = "one remark" if remarks == 1 else f"{remarks} remarks"
-        return f"these logs can be used, with {many} (printed without --quiet)."
-    if remarks:
-        return "these logs can be used, with the remarks below."
-    return "nothing to complain about"
+    if not remarks:
+        return "nothing to complain about"
+    many = "one remark" if remarks == 1 else f"{remarks} remarks"
+    told = f"{many} (printed without --quiet)" if quiet else "the remarks below"
+    return f"these logs can be used, with {told}."
 
 
 def run_init(options: Options, console: Console) -> Outcome:

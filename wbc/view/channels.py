@@ -360,7 +360,7 @@ def _answer(model: Robot, record: Record) -> FloatArray:
         inertia[np.ix_(driven, driven)] += rotors
         equations = np.block([[inertia, held.T], [held, np.zeros((len(held), len(held)))]])
         asked = np.append(torque[row], np.zeros(len(held)))
-        push[row] = np.linalg.lstsq(equations, asked, rcond=None)[0][: push.shape[1]]
+        push[row] = np.linalg.lstsq(equations, asked, rcond=None)[0][: model.model.nv]
     # Implicit in the spring: stable at any rate of the log.
     step = 1.0 / (record.rate * TIE)
     slow = (1.0 + step) ** 2

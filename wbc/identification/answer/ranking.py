@@ -89,11 +89,10 @@ class Ranked:
         """How probable it is beside what was found, such as 1 to 20; empty for that itself."""
         if self.standing == "found":
             return ""
-        ratio = 10.0 ** min(abs(self.evidence) / np.log(10.0), _MOST_ODDS)
-        whole = 10.0 ** round(float(np.log10(ratio)))
-        shown = f"{ratio:.2g}" if ratio < 100.0 else f"{whole:,.0f}"
-        more = "beyond " if ratio >= 10.0**_MOST_ODDS else ""
-        return more + (f"1 : {shown}" if self.evidence <= 0.0 else f"{shown} : 1")
+        power = min(abs(self.evidence) / np.log(10.0), _MOST_ODDS)
+        ratio = f"{10.0**power:.2g}" if power < 2.0 else f"{10.0 ** round(power):,.0f}"
+        more = "beyond " if power >= _MOST_ODDS else ""
+        return more + (f"1 : {ratio}" if self.evidence <= 0.0 else f"{ratio} : 1")
 
     def to_json(self) -> dict[str, Any]:
         """Return plain texts and numbers."""

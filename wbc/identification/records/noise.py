@@ -191,12 +191,8 @@ def close_repeats(
         records: the logs.
         groups: indices of logs of the same excitation, as of `find_repeats`.
     """
-    return tuple(
-        (i, j)
-        for group in groups
-        for i, j in combinations(group, 2)
-        if _close(records[i], records[j])
-    )
+    pairs = (pair for group in groups for pair in combinations(group, 2))
+    return tuple((i, j) for i, j in pairs if _close(records[i], records[j]))
 
 
 def _difference(

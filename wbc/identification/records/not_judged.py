@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 import pinocchio as pin
@@ -147,12 +148,10 @@ def standing(records: Sequence[Record]) -> BoolArray:
 
 def standing_joints(records: Sequence[Record]) -> list[str]:
     """Return a warning that names the joints that are not judged in some logs."""
-    robot = records[0].robot
-    found = []
-    for joint, still in zip(robot.transmission.joints, standing(records).T, strict=False):
-        logs = [record.name for record, aside in zip(records, still, strict=True) if aside]
-        if logs:
-            found.append(f"{joint} in {few(logs)}")
+    names = [record.name for record in records]
+    each = zip(records[0].robot.transmission.joints, standing(records).T, strict=False)
+    logs = {joint: [*compress(names, still)] for joint, still in each}
+    found = [f"{joint} in {few(own)}" for joint, own in logs.items() if own]
     if not found:
         return []
     return [
@@ -200,11 +199,8 @@ def without_links(robot: Robot) -> tuple[int, ...]:
     first = output_count(robot) - len(robot.torque_sensors)
     data = robot.model.createData()
     pin.computeSubtreeMasses(robot.model, data)
-    return tuple(
-        first + k
-        for k, joint in enumerate(robot.torque_sensors)
-        if data.mass[robot.model.getJointId(joint)] <= 0.0
-    )
+    masses = [data.mass[robot.model.getJointId(joint)] for joint in robot.torque_sensors]
+    return tuple(first + k for k, mass in enumerate(masses) if mass <= 0.0)
 
 
 def told_outputs(robot: Robot) -> list[tuple[int, str, str]]:
@@ -241,10 +237,7 @@ def silent_drives(
         friction.append(np.stack([record.condense(x)[:, :size] for x in (speed, np.sign(speed))]))
     rubs, silent = np.concatenate(friction, axis=1), records[0].reported.copy()
     for k in np.flatnonzero(silent):
-        given, columns = (
-            reported[:, k],
-            np.column_stack([needed[:, k], *rubs[:, :, k]]),
-        )
+        given, columns = reported[:, k], np.column_stack([needed[:, k], *rubs[:, :, k]])
         given, columns = given - given.mean(), columns - columns.mean(axis=0)
         share, deviation = _share(given, columns)
         sizes = np.linalg.norm(given) * np.linalg.norm(columns[:, 0])

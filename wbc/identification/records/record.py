@@ -376,9 +376,8 @@ def rows_of_folds(folds: IntArray) -> list[IntArray | slice]:
     parts: list[IntArray | slice] = []
     for fold in np.unique(folds):
         rows = np.flatnonzero(folds == fold)
-        first, last = int(rows[0]), int(rows[-1])
-        together = last - first + 1 == rows.size
-        parts.append(slice(first, last + 1) if together else rows)
+        first, end = int(rows[0]), int(rows[-1]) + 1
+        parts.append(slice(first, end) if end - first == rows.size else rows)
     return parts
 
 
