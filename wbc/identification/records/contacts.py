@@ -11,13 +11,13 @@ motors feel them: z is what leaves least at the motors' outputs, and the rest is
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from scipy.ndimage import minimum_filter1d
+from scipy.spatial.transform import Rotation
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.dynamics import Workspace
@@ -171,13 +171,12 @@ def rolled(turned: FloatArray, radii: Sequence[float], up: FloatArray) -> FloatA
         radii: (c,) of the balls [m].
         up: (3,) normal of the ground.
     """
-    way = np.zeros(turned.shape[:3])
-    for column, radius in enumerate(radii):
-        if radius > 0.0:
-            frames = turned[:, column]
-            turns = [pin.log3(b @ a.T) for a, b in itertools.pairwise(frames)]
-            way[1:, column] = np.cumsum(np.cross(turns, radius * up), axis=0)
-    return way
+    if not any(radii):
+        return np.zeros(turned.shape[:3])
+    turns = turned[1:] @ np.swapaxes(turned[:-1], -1, -2)
+    angles = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_rotvec().reshape(turns.shape[:3])
+    steps = np.cross(angles, up) * np.asarray(radii)[:, None]
+    return np.pad(np.cumsum(steps, axis=0), ((1, 0), (0, 0), (0, 0)))
 
 
 def active_contacts(
