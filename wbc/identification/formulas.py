@@ -157,7 +157,7 @@ class Discovery:
 
 
 @dataclass(frozen=True, eq=False)
-class Terms:
+class TermTable:
     """What may make up the torque of one joint.
 
     Attributes:
@@ -175,7 +175,7 @@ class Terms:
     levels: FloatArray
 
     @classmethod
-    def at(cls, problem: EstimationProblem, robot: Robot, joint: str, seen: Evidence) -> Terms:
+    def at(cls, problem: EstimationProblem, robot: Robot, joint: str, seen: Evidence) -> TermTable:
         """Return the terms at a joint of `robot`, the shapes of some read off what was seen."""
         band = problem.records[0].bandwidth.residual
         terms = torque_terms(robot, joint, seen.motions, seen.unexplained, band)
@@ -257,7 +257,7 @@ class TermSet:
 
 
 def linear(
-    problem: EstimationProblem, fit: Fit, h: Hypothesis, terms: Terms, chosen: Sequence[int]
+    problem: EstimationProblem, fit: Fit, h: Hypothesis, terms: TermTable, chosen: Sequence[int]
 ) -> TermSet:
     """Return terms beside a fit, each fold predicted without itself.
 
@@ -297,7 +297,7 @@ def evidence_of(problem: EstimationProblem, sets: Sequence[TermSet]) -> FloatArr
 
 
 def find_terms(
-    problem: EstimationProblem, fit: Fit, h: Hypothesis, terms: Terms
+    problem: EstimationProblem, fit: Fit, h: Hypothesis, terms: TermTable
 ) -> tuple[TermSet, float]:
     """Return the set with the most evidence beside a fit, and by how much it is ahead of none.
 
@@ -451,12 +451,12 @@ def _search(problem: EstimationProblem, known: Sequence[Effect], progress: Repor
     found = Found.of(problem, known, {})
     gears, seen = problem.robot.transmission, evidence(found.fit.robot, problem.records)
     reaches = dict(zip(gears.joints, np.abs(gears.topology) > 0.0, strict=True))
-    waiting, offers = dict[str, Terms](), dict[str, tuple[TermSet, float]]()
+    waiting, offers = dict[str, TermTable](), dict[str, tuple[TermSet, float]]()
     for joint in gears.joints:
         column = problem.robot.position_index(joint)
         if max(np.ptp(motion.position[:, column]) for motion in seen.motions) > _STILL:
             progress(f"searching a formula for {joint}")
-            terms = Terms.at(problem, found.fit.robot, joint, seen)
+            terms = TermTable.at(problem, found.fit.robot, joint, seen)
             if terms.outputs.size:
                 waiting[joint] = terms
                 offers[joint] = find_terms(problem, found.fit, found.hypothesis, terms)
@@ -477,7 +477,9 @@ def _search(problem: EstimationProblem, known: Sequence[Effect], progress: Repor
     return found
 
 
-def _with_formula(problem: EstimationProblem, found: Found, terms: Terms, best: TermSet) -> Found:
+def _with_formula(
+    problem: EstimationProblem, found: Found, terms: TermTable, best: TermSet
+) -> Found:
     """Return all that was found with a formula beside it, and what speaks for each term."""
     fit, h, joint = found.fit, found.hypothesis, terms.joint
     best = linear(problem, fit, h, terms, best.chosen)  # beside what was found since
