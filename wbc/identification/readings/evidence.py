@@ -14,10 +14,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import product
 from math import inf, pi
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
 from scipy.special import logsumexp
 
 from wbc.arrays import FloatArray, IntArray
@@ -67,7 +66,7 @@ _RARELY_LOST = 0.02  # ... no more than these leave more than 0.13, and each joi
 MOST_SAMPLES = 40.0  # beyond them errors of the model repeat themselves
 ROUNDING = 1e-9  # of the largest cause, below which one is nothing: a joint that carries no load
 _INERTIA = 3.0  # times a joint's own inertia that a forgotten rotor may have
-_PARTS = 3  # of a log: what strays far in one counts once, and one joint alone is late in each
+_PARTS = 3  # of a log: what strays far in one counts once
 
 
 class Report(NamedTuple):
@@ -374,18 +373,12 @@ def linear(
     return order, factor, offset, lag
 
 
-_SHIFTS = 3  # times that torques are moved back; delays of 10 to 50 ms end within 5 ms
-# Share by which the lags of a robot's torques may differ between joints and logs. Delays and
-# filters of 10 to 50 ms in an arm's torques differ by .05 to .2 (standard deviation over mean);
-# what losses with memory, wrong links and noise of 14 recorded and generated machines look like, by
-# .3 to 20.
-_ALIKE_LAGS = 0.25
-_LONGEST = 0.15  # [s] of a bus or a filter
-_SHOWN = 3.0  # standard errors from which a lag is one
-_LEAST_LAGS = 3  # that agree: two of torques without meaning do so by chance
-# Times what the torques of the other joints seem to be late, from which one alone is: 4.5 and more
-# where one of a generated arm is late by 20 to 50 ms, at most 3.0 on nineteen right machines.
-_APART = 3.5
+TIED = 2.0
+"""Nats between hypotheses that nobody can tell apart: odds of seven to one."""
+
+LAGS = tuple(0.01 * n for n in range(1, 11))
+"""Lags of torques [s] that are asked about: of buses and filters. Joints and logs differ in the
+next digit."""
 
 # Offsets of a position, a degree apart, and the log prior of each: half of the zeros that people
 # move are quarters of a turn, one of which is as rare as another unit of a column.
@@ -396,86 +389,30 @@ _MOVED[0] = 0.0
 _DRAWN_OFF = 0.3  # [rad] by which a drawing or a loose encoder may be off; beyond it a column is
 
 
-def shared_lags(logs: Sequence[LogRows], least: float) -> list[tuple[list[int], float]]:
-    """Return the joints whose torques are late, and by how much [s]: all of them, or some alone.
+def likeliest_lags(benches: Sequence[Bench], least: float) -> list[tuple[list[int], float]]:
+    """Return the joints whose torques may be late, and by how much [s]: all of them, or one alone.
 
-    A late torque is r(t) = f(t - tau), so r + tau r' is what the motion makes. Bus and filter are
-    the same for all joints and rows, or for one joint in all rows; what else looks like a lag is
-    another one at each.
+    Bus and filter are the same for all joints, or are those of one. What else looks like a lag is
+    another one at each: then lags of their own are far likelier than the one that is shared.
 
     Args:
-        logs: of one robot, at least one.
+        benches: of logs of one robot, at least one.
         least: lag that counts [s]: within a sample it is a matter of when a drive samples.
     """
-    asked = [(rows, rows.need()) for rows in logs]
-    driven = range(asked[0][0].torque.shape[1])
-    moving = [k for k in driven if all(np.ptp(rows.torque[:, k]) > 0.0 for rows in logs)]
-    if len(moving) < 2:
-        return []
-    lag = _agreed(asked, moving, least, 1)
-    if lag:
-        return [(moving, lag)]
-    sizes = np.array([np.mean(_lags(asked, [k], 0.0, _PARTS)[0] ** 2) for k in moving])
-    others = np.sqrt((sizes.sum() - sizes) / (len(moving) - 1))
-    alone = [([k], _agreed(asked, [k], least, _PARTS)) for k in moving]
-    return [one for one, other in zip(alone, others, strict=True) if one[1] > _APART * other]
-
-
-Asked: TypeAlias = Sequence[tuple[LogRows, Need]]
-
-
-def _agreed(asked: Asked, joints: Sequence[int], least: float, parts: int) -> float:
-    """Return the lag [s] that joints share in every part of the logs, 0 where they do not."""
-    lag = 0.0
-    for _ in range(_SHIFTS):
-        lags, errors = _lags(asked, joints, lag, parts)
-        usual = float(np.median(lags))
-        # A report that follows no need tells no lag; none tells more than lags are alike.
-        weights = (1.0 / np.hypot(errors, _ALIKE_LAGS * usual)) ** 2
-        whole = float(weights.sum())
-        lag = float(weights @ lags) / whole
-        count = whole**2 / float(weights @ weights)
-        if not least < lag < _LONGEST or count < _LEAST_LAGS or lag < _SHOWN / np.sqrt(whole):
-            return 0.0
-    return lag if float(weights @ (lags - lag) ** 2) < lags.size else 0.0
-
-
-def _lags(
-    asked: Asked, joints: Sequence[int], lag: float, parts: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return by how much the torques of joints are late [s] in each part, and standard errors.
-
-    Near a first guess of it.
-    """
-    told = [
-        _lag(rows, need, lag, k, part)
-        for rows, need in asked
-        for k in joints
-        for part in np.array_split(np.arange(len(need.speed)), parts)
+    lags, each = [0.0, *(lag for lag in LAGS if lag > least)], []
+    for lag in lags:
+        late = Reading(mend={"columns": {name: {"lag": lag} for name in benches[0].rows.torques}})
+        total, strange = at_gains([bench.judged(late).reports for bench in benches])
+        each.append(np.logaddexp(_log_sum(GAIN_PRIOR + total, axis=1), strange))
+    gained = np.array(each) - each[0]
+    joints = [*range(gained.shape[1])]
+    found = [(own, gained[:, own].sum(axis=1)) for own in (joints, *([k] for k in joints))]
+    least_gain = max(0.0, float(gained.max(axis=0).sum()) - TIED)
+    return [
+        (own, lags[int(np.argmax(gain))])
+        for own, gain in found[: 1 if len(joints) == 1 else None]
+        if gain.max() > least_gain
     ]
-    more, errors = np.array(told).T
-    return lag + more, errors
-
-
-def _lag(rows: LogRows, need: Need, lag: float, joint: int, part: IntArray) -> tuple[float, float]:
-    """Return by how much more than `lag` a torque is late [s] in some rows, and its error."""
-    step = 1.0 / rows.rate
-    before, reported, after = (rows.late(t)[part, joint] for t in (lag - step, lag, lag + step))
-    slope = (after - before) / (2.0 * step)
-    causes, drawn = need_columns(need, joint)
-    drawn = drawn + rows.robot.transmission.reflected_inertia[joint] * need.change[:, joint]
-    causes, drawn = causes[part], drawn[part]
-    table = np.column_stack([causes, drawn, -causes[:, 0], -slope, slope])
-    size = np.maximum(np.linalg.norm(table, axis=0), 1e-300)
-    scaled, rest = nnls(table / size, reported)
-    found = scaled / size
-    # A report that tells nothing has none.
-    samples = min(max(float(rows.samples[joint]), 1e-12), MOST_SAMPLES)
-    others = table[:, :-2] / size[:-2]
-    alone = slope - others @ np.linalg.lstsq(others, slope, rcond=ROUNDING)[0]
-    # Errors of the model repeat themselves: only independent samples count.
-    error = rest / np.sqrt(samples) / max(float(np.linalg.norm(alone)), 1e-300)
-    return float(found[-2] - found[-1]), error
 
 
 def other_zeros(logs: Sequence[LogRows]) -> list[tuple[int, float, float, tuple[int, ...]]]:

@@ -69,7 +69,7 @@ def readings(
             theirs may be exchanged.
         doubtful: whether any report leaves more than physics usually does; only then gravity
             is asked about.
-        lags: joints, by number, whose torques share a lag [s].
+        lags: joints, by number, and by how much their torques may be late [s].
         zeros: single joints, by number, what may have to be added to their positions [rad], and
             the log prior of it.
     """
@@ -183,13 +183,13 @@ def _exchanges(rows: LogRows, lost: BoolArray) -> Iterator[Reading]:
 def _late(rows: LogRows, lags: Sequence[Lag]) -> Iterator[Reading]:
     """Yield torques that are late. A low-pass is a delay for what is slower than it."""
     for joints, lag in lags:
-        lag = float(f"{lag:.1g}")  # joints and logs differ in the next digit
         late = [rows.torques[k] for k in joints]
         text = (
             f"{listed(late)} {'lags' if len(late) == 1 else 'lag'} by {1e3 * lag:.0f} ms: "
             "a delay, or a low-pass as long"
         )
-        yield _mended("torque_late", text, _SOMEWHERE, {name: {"lag": lag} for name in late})
+        prior = EVERYWHERE if len(late) > 1 else _SOMEWHERE
+        yield _mended("torque_late", text, prior, {name: {"lag": lag} for name in late})
 
 
 def _zeros(rows: LogRows, zeros: Sequence[Zero]) -> Iterator[Reading]:

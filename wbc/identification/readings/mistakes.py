@@ -14,15 +14,16 @@ from wbc.identification.readings.evidence import (
     GAIN_PRIOR,
     GAINS,
     SAME_GAIN,
+    TIED,
     Bench,
     Judged,
     Report,
     at_gains,
     evidence,
     foreign,
+    likeliest_lags,
     other_zeros,
     ratio_evidence,
-    shared_lags,
 )
 from wbc.identification.readings.kinds import Reading, readings
 from wbc.identification.readings.log_rows import rows_of
@@ -222,7 +223,6 @@ of 5 to 10 s (seven of a recorded double pendulum, three of the sample leg) none
 # true reports of generated robots with hidden causes 2 % leave more than 0.13, 8 % more than
 # 0.015; exchanged wrists leave less.
 _LOST, _RARELY_LEFT, _DOUBTFUL = 0.3, 0.13, 0.015
-_TIED = 2.0  # nats: odds of seven to one
 _PAIRS = 7  # driven joints up to which any may be exchanged: half a second per log
 # Share of the power of a report that a reading must explain to accuse anybody: with counts for
 # radians degrees explain .01 "better" than nothing; the true readings of the tests .46 and more.
@@ -252,7 +252,7 @@ def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[Found]:
             return found
         likeliest = _likeliest(robot, judged)
         if likeliest is None:
-            return found or _late(judged) or _foreign(robot, judged) or _other_scale(robot, judged)
+            return found or _foreign(robot, judged) or _other_scale(robot, judged)
         found.append(likeliest)
         mistake, having = likeliest
         if mistake.probability < CERTAIN or not mistake.mend:
@@ -272,8 +272,8 @@ def _tables(robot: Robot, logs: Sequence[Log]) -> _Tables:
     if not known:
         return {}
     alike = {k: len(group) for group in find_repeats(logs) for k in group}
-    lags = shared_lags(list(known.values()), max(logs[k].sample_time for k in known))
     benches = {k: Bench(rows, 1.0 / alike.get(k, 1)) for k, rows in known.items()}
+    lags = likeliest_lags(list(benches.values()), max(logs[k].sample_time for k in known))
     least = 0.0 if robot.transmission.size <= _PAIRS else _RARELY_LEFT
     # A mistake of all logs must be read in all of them: what one log shows is asked of the others.
     left = [[one.left for one in bench.as_is.reports] for bench in benches.values()]
@@ -323,7 +323,7 @@ def _likeliest(robot: Robot, judged: _Tables) -> Found | None:
     if not ranked or doubt < (POSSIBLE if ranked[0][1] == every else LIKELY):
         return None
     (text, logs), best = ranked[0], scores[ranked[0]]
-    tied = [pair for pair in ranked[1:4] if best - scores[pair] < _TIED and pair[1] == logs]
+    tied = [pair for pair in ranked[1:4] if best - scores[pair] < TIED and pair[1] == logs]
     held = {k: judged[k] for k in logs}
     least = _LEAST_EXPLAINED if doubt >= LIKELY else 1.0 - _RARELY_LEFT
     if _explained(text, held)[1] < least:
@@ -430,13 +430,6 @@ def _other_scale(robot: Robot, judged: _Tables) -> list[Found]:
     return [(LogFinding("warning", "torque_scale", "", text, _SCALE, {}, 0.5), tuple(judged))]
 
 
-def _late(judged: _Tables) -> list[Found]:
-    """Return the lags of torques that explain too little to be certain."""
-    table = next(iter(judged.values()))
-    late = [text for text in table if table[text].reading.kind == "torque_late"]
-    return [_told([text], judged, POSSIBLE, len(judged)) for text in late]
-
-
 def _foreign(robot: Robot, judged: _Tables) -> list[Found]:
     """Return the reports of which nobody understands what they follow, in all logs.
 
@@ -456,7 +449,7 @@ def _foreign(robot: Robot, judged: _Tables) -> list[Found]:
         ]
         if read:
             odds = {text: _weight(text, judged, tuple(judged)) for text in read}
-            near = [text for text in read if max(odds.values()) - odds[text] < _TIED]
+            near = [text for text in read if max(odds.values()) - odds[text] < TIED]
             near.sort(key=lambda text: -odds[text])
             found.append(_told(near, judged, POSSIBLE, len(judged)))
             continue
