@@ -34,7 +34,6 @@ from wbc.measurement.column_mistakes import (
     magnitudes,
     motion_findings,
     stale_rows,
-    together_likely,
     whole_counts,
     wraps,
 )
@@ -99,7 +98,7 @@ def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[lis
 
     add([stale_rows(log) for log in clean])
     add([wraps(log) for log in clean])
-    add(_shared([motion_findings(log, ratios) for log in clean]))
+    add(motion_findings(clean, ratios))
     refused = magnitudes(logs)
     add([refused for _ in logs])
     counted = [_counts(log) for log in clean]
@@ -199,20 +198,6 @@ def single_ratios(robot: Robot) -> dict[str, float]:
         for k, joint in enumerate(gears.joints)
         if not topology[k].any() and not topology[:, k].any()
     }
-
-
-def _shared(found: Sequence[Sequence[LogFinding]]) -> list[list[LogFinding]]:
-    """Return the findings, those that several logs show with the probability of all together."""
-    shown: dict[str, list[float]] = {}
-    for finding in (f for own in found for f in own):
-        shown.setdefault(repr(finding.mend), []).append(finding.probability)
-    likely = {mend: together_likely(each) for mend, each in shown.items()}
-
-    def judged(finding: LogFinding) -> LogFinding:
-        probability = likely[repr(finding.mend)]
-        return replace(finding, severity=severity(probability), probability=probability)
-
-    return [list(map(judged, own)) for own in found]
 
 
 POSSIBLE = 0.5
