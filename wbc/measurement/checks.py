@@ -10,10 +10,10 @@ from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import LogError
-from wbc.measurement.clocks import CUT_FROM, GAP_STEPS, cut_at_gaps, gaps, too_short
+from wbc.measurement.clocks import GAP_STEPS, gaps
 from wbc.measurement.column_map import Mend, say_so
 from wbc.measurement.filters import WELL_CORRELATED, residual_noise, velocity_fits
-from wbc.measurement.log import Log, LogFinding
+from wbc.measurement.log import CUT_FROM, Log, LogFinding, cut_at_gaps, too_short
 from wbc.measurement.schema import split_column
 from wbc.tables import few
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from wbc.errors import LogError
-from wbc.measurement.clocks import advancing, repeated_mend, restarts
+from wbc.measurement.clocks import repeated_mend, restarts
 from wbc.measurement.column_map import Mend, merged, parse_column_map
 from wbc.measurement.column_mistakes import mirrored
 from wbc.measurement.formats import open_table
@@ -184,7 +184,4 @@ def _parts(table: Table, mapped: Mapping[str, Any]) -> Mend:
     }
     if not columns:
         columns = {n: table.numbers(n) for n in table.names if guess_name(n).quantity in MOTION}
-    if np.all(np.diff(time) > 0.0):
-        return {}
-    advancing(time, columns, "spread", np.arange(time.size), str(table.path))  # raises if lost
-    return repeated_mend(time, columns)
+    return repeated_mend(time, columns, np.arange(time.size), str(table.path))

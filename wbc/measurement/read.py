@@ -24,7 +24,7 @@ from wbc.measurement.column_map import (
 )
 from wbc.measurement.filters import align_velocity, shifted
 from wbc.measurement.formats import digest, open_table
-from wbc.measurement.log import Log, LogSource
+from wbc.measurement.log import Log, LogSource, hole
 from wbc.measurement.schema import LOG_UNITS, TIME, column_units, is_column, likely_meant, today
 from wbc.measurement.tables import Table
 from wbc.tables import few
@@ -178,7 +178,7 @@ def _log(
     if dropped := count - int(np.count_nonzero(apart)):
         notes.append(f"{dropped} of {count} rows dropped by the column map.")
     holes = _holes(unusable)
-    told = {name: _hole(name, column, holes[name]) for name, column in unusable.items()}
+    told = {name: hole(name, column, holes[name]) for name, column in unusable.items()}
     source = replace(source, notes=tuple(notes), unusable=told, holes=holes)
     lags = {rule.target: rule.lag for rule in rules.rules if rule.lag and rule.target in columns}
     log = shifted(Log(time, columns, source), lags)
@@ -205,17 +205,6 @@ def _holes(unusable: Mapping[str, FloatArray]) -> dict[str, str]:
     first = next((name for name in lacking if name.endswith(".position")), next(iter(lacking)))
     same = {name: np.array_equal(own, lacking[first]) for name, own in lacking.items()}
     return {name: "drop_rows" if same[name] else "bridge" for name in lacking}
-
-
-def _hole(target: str, values: FloatArray, missing: str) -> str:
-    """Return the message for a channel that cannot be used, and how it can."""
-    bad = np.flatnonzero(~np.isfinite(values))
-    what = "drop these rows" if missing == "drop_rows" else "lay straight lines over them"
-    return (
-        f"column '{target}' holds {values[bad[0]]} at row {int(bad[0])} ({bad.size} such rows of "
-        f"{values.size}). Repair the file, or "
-        + say_so({"columns": {target: {"missing": missing}}}, what)
-    )
 
 
 def _parts(table: Table, rules: ColumnMap, time: FloatArray, pattern: str) -> dict[str, IntArray]:

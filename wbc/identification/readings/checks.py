@@ -28,9 +28,15 @@ from wbc.measurement.checks import (
     find_duplicates,
     resolution,
 )
-from wbc.measurement.clocks import cut_at_gaps, too_short
 from wbc.measurement.column_map import Mend, merged, say_so, together
-from wbc.measurement.log import CERTAIN, Log, LogFinding, short_label
+from wbc.measurement.log import (
+    CERTAIN,
+    Log,
+    LogFinding,
+    cut_at_gaps,
+    short_label,
+    too_short,
+)
 from wbc.measurement.names import unread
 from wbc.measurement.read import mended
 from wbc.measurement.schema import FREE_POSE, REPORTED
