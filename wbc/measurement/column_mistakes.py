@@ -14,7 +14,7 @@ from scipy.special import expit, logsumexp
 from wbc.arrays import FloatArray
 from wbc.measurement.checks import true_runs
 from wbc.measurement.clocks import ENCODER_BITS, PERIODS, gaps, period
-from wbc.measurement.column_map import Mend, parse_column_map, say_so, together
+from wbc.measurement.column_map import ColumnRule, Mend, parse_column_map, say_so, together
 from wbc.measurement.filters import jumps, velocity_fits
 from wbc.measurement.log import LIKELY, Log, LogFinding, listed, severity
 from wbc.measurement.schema import LOG_UNITS, reported
@@ -80,57 +80,49 @@ def whole_counts(log: Log) -> list[str]:
 
 
 def wraps(log: Log) -> list[LogFinding]:
-    """Return the positions that jump by their period, or by the bit that holds their sign."""
-    found, degrees, holes = [], False, gaps(log.time)
+    """Return the positions that jump by their period, or by the bit that holds their sign.
 
-    def add(name: str, text: str, entry: Mapping[str, Any], kind: str = "wrap") -> None:
-        found.append(_suspected(kind, name, text, {"columns": {name: entry}}, 1.0))
-
+    Below zero, counts with a sign begin again at 2^bit and grow with the distance from zero.
+    """
+    found, degrees, holes = list[LogFinding](), False, gaps(log.time)
     names = [n for n in log.names if n.endswith((".position", ".rotor_position"))]
     for name in names:
         values = log.column(name)
-        if bit := _sign_bit(values):
-            text = f"counts from {1 << bit} on mirror those below: bit {bit} is a sign."
-            add(name, text, {"sign_bit": bit})
-            continue
         rows, steps = jumps(values)
         # Where samples are missing a joint that moves on jumps without any wrap.
         sampled = ~np.isin(rows, holes)
         rows, sizes = rows[sampled], np.abs(steps[sampled])
-        if not rows.size or np.ptp(sizes) > _SAME_JUMP * sizes.mean():
+        if not rows.size:
             continue
-        turn = float(period(sizes.mean()))
-        degrees |= turn == 360.0
-        entry: dict[str, Any] = {"unwrap": turn or float(sizes.mean())}
-        entry |= {"unit": "deg"} if turn == 360.0 else {}
-        said = f"{rows.size} jumps of {sizes.mean():.6g} ({PERIODS.get(turn, _RESET)}), the first "
-        add(name, f"{said}at row {int(rows[0]) + 1}.", entry)
-        found[-1] = found[-1] if turn else replace(found[-1], mend={})
+        bit = int(log2(max(1.0, values.max())))
+        signed = ColumnRule(name, (name,), (1.0,), sign_bit=bit).value({name: values})
+        if (
+            bit >= 8
+            and values.min() >= 0.0
+            and not (values % 1.0).any()
+            and not jumps(signed)[0].size
+        ):
+            text = f"counts from {1 << bit} on mirror those below: bit {bit} is a sign."
+            found.append(
+                _suspected("wrap", name, text, {"columns": {name: {"sign_bit": bit}}}, 1.0)
+            )
+        elif np.ptp(sizes) <= _SAME_JUMP * (size := float(sizes.mean())):
+            turn = float(period(sizes.mean()))
+            degrees |= turn == 360.0
+            entry = {"unwrap": turn or size, **({"unit": "deg"} if turn == 360.0 else {})}
+            said = (
+                f"{rows.size} jumps of {size:.6g} ({PERIODS.get(turn, _RESET)}), the first at row "
+            )
+            one = _suspected("wrap", name, f"{said}{rows[0] + 1}.", {"columns": {name: entry}}, 1.0)
+            found.append(one if turn else replace(one, mend={}))
     left = {*names} - {finding.column for finding in found} if degrees else set()
     for name in sorted(n for n in left if n.endswith(".position")):
         if float(np.abs(log.column(name)).max()) > 2.0 * pi:
             text = "beyond a turn, beside positions that wrap at 360: in degrees, too."
             # The turn that is nearest to zero, as for the others.
-            add(name, text, {"unit": "deg", "unwrap": 360.0}, "degrees")
+            mend = {"columns": {name: {"unit": "deg", "unwrap": 360.0}}}
+            found.append(_suspected("degrees", name, text, mend, 1.0))
     return found
-
-
-def _sign_bit(values: FloatArray) -> int:
-    """Return the number of the bit that is the sign of counts, 0 where none is.
-
-    Below zero such counts begin again at 2^bit and grow with the distance from zero. Read so, they
-    make no jump.
-    """
-    high = float(values.max())
-    if high < 256.0 or values.min() < 0.0 or np.any(values != np.round(values)):
-        return 0
-    bit = int(log2(high))
-    limit = float(1 << bit)
-    above = values >= limit
-    if not above.any() or above.all() or np.max(values[above]) - limit > 0.9 * limit:
-        return 0
-    steps = np.abs(np.diff(np.where(above, limit - values, values)))
-    return bit if float(steps.max()) < 0.05 * limit else 0
 
 
 def stale_rows(log: Log) -> list[LogFinding]:

@@ -11,23 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from wbc.errors import IdentificationError, LogError
+from wbc.identification.readings import mistakes
 from wbc.identification.readings.kinds import columns_of, in_degrees
-from wbc.identification.readings.mistakes import (
-    SuspiciousLogError,
-    find_suspicions,
-    motionless,
-    torque_mistakes,
-)
 from wbc.identification.records.channels import placeless_joints, positions, without_position
 from wbc.identification.records.contacts import moving_contact
 from wbc.identification.records.drives import tells_torque
-from wbc.measurement.checks import (
-    check_alone,
-    check_reading,
-    check_set,
-    find_duplicates,
-    resolution,
-)
+from wbc.measurement import checks as alone
 from wbc.measurement.column_map import Mend, merged, say_so, together
 from wbc.measurement.log import (
     CERTAIN,
@@ -100,7 +89,7 @@ def require_readable(robot: Robot, log: Log) -> None:
         raise IdentificationError(f"{log.source.label}: {short.said}")
     for found in (*check_ranges(log, robot), *check_robot(log, robot)):
         if found.severity == "error":
-            raise SuspiciousLogError(f"{log.source.label}: {found.said}", [found])
+            raise mistakes.SuspiciousLogError(f"{log.source.label}: {found.said}", [found])
 
 
 def without_copies(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
@@ -112,7 +101,7 @@ def without_copies(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
         IdentificationError: one log in place of a sequence, or something else than logs.
     """
     require_logs(logs)
-    copies = {copy: first for first, *others in find_duplicates(logs) for copy in others}
+    copies = {copy: first for first, *others in alone.find_duplicates(logs) for copy in others}
     warnings = [
         f"{logs[copy].source.label} holds the same data as {logs[first].source.label} and is left "
         "out; record the motion again for a repeat."
@@ -214,7 +203,7 @@ def _unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
         for theirs, ours in zip(strange, missing, strict=True):
             mend["columns"] |= columns_of(theirs, log.columns, ours)
         # Motion and torques tell where the order of the names is not that of the joints.
-        told = torque_mistakes(robot, [mended(log, mend)])
+        told = mistakes.torque_mistakes(robot, [mended(log, mend)])
         crossed = [f.mend for f, _ in told if f.kind == "exchanged" and f.probability >= CERTAIN]
         mend = merged(mend, together(crossed))
         way = "If they are the same joints in this order, " + say_so(mend)
@@ -271,7 +260,8 @@ def _without_torque(log: Log, robot: Robot) -> Iterator[LogFinding]:
         yield LogFinding("error", "no_torque", "", text, way)
     gained = np.isfinite(gears.position_gain) | np.isfinite(gears.duty_gain)
     lacking, silent, aimed = [], [], []
-    for k, (joint, made) in enumerate(zip(gears.joints, tells_torque(log, gears), strict=True)):
+    tells = tells_torque(log, gears)
+    for k, (joint, made) in enumerate(zip(gears.joints, tells, strict=True)):
         told = [name for name in _TORQUES if log.recorded(f"{joint}.{name}")]
         aims = log.recorded(f"{joint}.target_position")
         if joint in bare:
@@ -371,11 +361,11 @@ def check_logs(logs: Sequence[Log], robot: Robot | None = None) -> tuple[LogQual
         except LogError:  # a diagnosis uses no part of it
             pieces.append([log])
     used = [piece for own in pieces for piece in own]
-    told = iter(find_suspicions(used, robot))
+    told = iter(mistakes.find_suspicions(used, robot))
     suspected = [list({f.text: f for _ in own for f in next(told)}.values()) for own in pieces]
     each = [_quality(log, robot, own) for log, own in zip(logs, suspected, strict=True)]
-    still = [] if robot is None else [motionless(robot, used)]
-    more = [*check_set(logs), *filter(None, still)]
+    still = [] if robot is None else [mistakes.motionless(robot, used)]
+    more = [*alone.check_set(logs), *filter(None, still)]
     each[0] = replace(each[0], findings=_gravest_first([*each[0].findings, *more]))
     return tuple(each)
 
@@ -390,9 +380,9 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
     findings = [
         *suspected,
         *lacks,
-        *check_alone(log, said),
+        *alone.check_alone(log, said),
         *(f for f in ranges if f.column not in said or (f.severity == "error" and not certain)),
-        *check_reading(log, lacks),
+        *alone.check_reading(log, lacks),
     ]
     steps = np.diff(log.time)
     return LogQuality(
@@ -402,7 +392,7 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
         rate=1.0 / log.sample_time,
         jitter=float(np.std(steps) / np.median(steps)),
         longest_gap=float(steps.max()),
-        resolution={name: resolution(values) for name, values in log.columns.items()},
+        resolution={name: alone.resolution(values) for name, values in log.columns.items()},
         findings=_gravest_first(findings),
     )
 

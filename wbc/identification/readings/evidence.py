@@ -152,7 +152,7 @@ def ratio_evidence(reports: Sequence[Sequence[Report]]) -> tuple[float, float]:
     return float(_log_sum(_RATIO_PRIOR + total)), float(_RATIOS[int(np.argmax(total))])
 
 
-def evidence(logs: Sequence[Sequence[Report]]) -> float:
+def log_evidence(logs: Sequence[Sequence[Report]]) -> float:
     """Return the log evidence of the reports of all joints in all logs.
 
     The gain of a joint is the same in all logs. Gains are drawn apart or alike (one kind of drive,

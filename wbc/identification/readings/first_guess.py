@@ -5,9 +5,10 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -41,20 +42,7 @@ Ratio: TypeAlias = tuple[float, str]
 """Turns of the motor per turn of the joint, without sign, and the columns that tell it."""
 
 
-class RowGuess(NamedTuple):
-    """A guessed column map after the rows were held against the robot."""
-
-    table: Mapping[str, Any]
-    """The map."""
-    reasons: tuple[str, ...]
-    """Why its lines say what they say."""
-    told: Mapping[str, tuple[float, float]]
-    """How well the rows tell the columns of each joint, see `told_by_rows`."""
-    lacking: tuple[LogFinding, ...]
-    """What the logs lack that a diagnosis needs, and columns that are refused."""
-
-
-def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> RowGuess:
+def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> MapGuess:
     """Return a guess corrected by what the rows say against the robot.
 
     Joints by motion and torque, units by derivative, sides by ratio, signs by gravity.
@@ -87,7 +75,9 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Row
     refused = [finding for finding in found if finding.severity == "error"]
     lacking = {finding.text: finding for finding in [*lacks[0], *refused]}
     told = told_by_rows(robot, logs)
-    return RowGuess(table, tuple(dict.fromkeys(reasons)), told, tuple(lacking.values()))
+    reasons = list(dict.fromkeys(reasons))
+    wanted = tuple(lacking.values())
+    return replace(start, table=table, reasons=tuple(reasons), told=told, lacking=wanted)
 
 
 def _denied(finding: LogFinding, table: Mapping[str, Any]) -> bool:

@@ -10,33 +10,12 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wbc.errors import LogError
-from wbc.identification.readings.evidence import (
-    GAIN_PRIOR,
-    GAINS,
-    SAME_GAIN,
-    TIED,
-    Bench,
-    Judged,
-    Report,
-    at_gains,
-    evidence,
-    foreign,
-    likeliest_lags,
-    other_zeros,
-    ratio_evidence,
-)
+from wbc.identification.readings import evidence
 from wbc.identification.readings.kinds import Reading, readings
 from wbc.identification.readings.log_rows import rows_of
+from wbc.measurement import column_mistakes
 from wbc.measurement.checks import find_repeats, resting_joints
 from wbc.measurement.column_map import say_so, together
-from wbc.measurement.column_mistakes import (
-    COUNTS_OF_A_TURN,
-    magnitudes,
-    motion_findings,
-    stale_rows,
-    whole_counts,
-    wraps,
-)
 from wbc.measurement.log import CERTAIN, LIKELY, Log, LogFinding, severity
 from wbc.measurement.read import mended
 from wbc.robot import Robot
@@ -96,10 +75,10 @@ def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[lis
             certain = [f.mend for f in own if f.probability >= CERTAIN]
             clean[k] = mended(clean[k], together(certain))
 
-    add([stale_rows(log) for log in clean])
-    add([wraps(log) for log in clean])
-    add(motion_findings(clean, ratios))
-    refused = magnitudes(logs)
+    add([column_mistakes.stale_rows(log) for log in clean])
+    add([column_mistakes.wraps(log) for log in clean])
+    add(column_mistakes.motion_findings(clean, ratios))
+    refused = column_mistakes.magnitudes(logs)
     add([refused for _ in logs])
     counted = [_counts(log) for log in clean]
     if robot is not None and not refused:
@@ -118,10 +97,10 @@ def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[lis
 
 def _counts(log: Log) -> list[LogFinding]:
     """Return what to do about positions that hold encoder counts, of which nothing says more."""
-    held = whole_counts(log)
+    held = column_mistakes.whole_counts(log)
     if not held:
         return []
-    entry = {"columns": {name: {"scale": COUNTS_OF_A_TURN[4096]} for name in held}}
+    entry = {"columns": {name: {"scale": column_mistakes.COUNTS_OF_A_TURN[4096]} for name in held}}
     text = "whole numbers far beyond turns: encoder counts."
     way = "Of an encoder of 4096 counts a turn, " + say_so(entry)
     way += "\nOf another, put 2 pi over its counts there."
@@ -247,7 +226,7 @@ def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[Found]:
     return found
 
 
-_Tables = Mapping[int, Mapping[str, Judged]]
+_Tables = Mapping[int, Mapping[str, evidence.Judged]]
 
 
 def _tables(robot: Robot, logs: Sequence[Log]) -> _Tables:
@@ -257,14 +236,14 @@ def _tables(robot: Robot, logs: Sequence[Log]) -> _Tables:
     if not known:
         return {}
     alike = {k: len(group) for group in find_repeats(logs) for k in group}
-    benches = {k: Bench(rows, 1.0 / alike.get(k, 1)) for k, rows in known.items()}
-    lags = likeliest_lags(list(benches.values()), max(logs[k].sample_time for k in known))
+    benches = {k: evidence.Bench(rows, 1.0 / alike.get(k, 1)) for k, rows in known.items()}
+    lags = evidence.likeliest_lags(list(benches.values()), max(logs[k].sample_time for k in known))
     least = 0.0 if robot.transmission.size <= _PAIRS else _RARELY_LEFT
     # A mistake of all logs must be read in all of them: what one log shows is asked of the others.
     left = [[one.left for one in bench.as_is.reports] for bench in benches.values()]
     most = np.max(left, axis=0)
     lost, doubtful = most > least, bool(np.any(most > _DOUBTFUL))
-    zeros = other_zeros(list(known.values())) if doubtful else []
+    zeros = evidence.other_zeros(list(known.values())) if doubtful else []
     offsets = {
         k: [(i, by, prior) for i, by, prior, of in zeros if n in of] for n, k in enumerate(known)
     }
@@ -296,7 +275,7 @@ def _likeliest(robot: Robot, judged: _Tables) -> Found | None:
         for one in [judged[logs[0]][text].reading]
         if logs == every  # no robot is another one in a single log
     ]
-    other, factor = ratio_evidence([table[""].reports for table in judged.values()])
+    other, factor = evidence.ratio_evidence([table[""].reports for table in judged.values()])
     other += _OTHER_RATIO
     known = bool(np.all(robot.transmission.reflected_inertia > 0.0))
     whole = logsumexp([columns, stands, *rivals, other if known else -np.inf])
@@ -308,7 +287,7 @@ def _likeliest(robot: Robot, judged: _Tables) -> Found | None:
     if not ranked or doubt < (POSSIBLE if ranked[0][1] == every else LIKELY):
         return None
     (text, logs), best = ranked[0], scores[ranked[0]]
-    tied = [pair for pair in ranked[1:4] if best - scores[pair] < TIED and pair[1] == logs]
+    tied = [pair for pair in ranked[1:4] if best - scores[pair] < evidence.TIED and pair[1] == logs]
     held = {k: judged[k] for k in logs}
     least = _LEAST_EXPLAINED if doubt >= LIKELY else 1.0 - _RARELY_LEFT
     if _explained(text, held)[1] < least:
@@ -343,7 +322,7 @@ def told_by_rows(robot: Robot, logs: Sequence[Log]) -> dict[str, tuple[float, fl
     return dict(zip(robot.transmission.joints, told, strict=True))
 
 
-def _share(reports: Sequence[Report]) -> float:
+def _share(reports: Sequence[evidence.Report]) -> float:
     """Return the share of the power of reports that is explained."""
     whole = sum(one.size**2 for one in reports)
     left = sum(min(one.left, 1.0) * one.size**2 for one in reports)
@@ -358,7 +337,7 @@ def _score(text: str, judged: _Tables, logs: Sequence[int]) -> float:
 def _weight(text: str, judged: _Tables, logs: Sequence[int]) -> float:
     """Return the log of prior times evidence if some logs are read so, the others as they stand."""
     read = [table[text if k in logs else ""].reports for k, table in judged.items()]
-    return judged[logs[0]][text].reading.prior + evidence(read)
+    return judged[logs[0]][text].reading.prior + evidence.log_evidence(read)
 
 
 def _closer(text: str, judged: _Tables) -> bool:
@@ -384,7 +363,7 @@ def _closer(text: str, judged: _Tables) -> bool:
     return nearer > 0.0 or not text
 
 
-def _changed(as_is: Judged, read: Judged) -> list[int]:
+def _changed(as_is: evidence.Judged, read: evidence.Judged) -> list[int]:
     """Return the joints whose report a reading changes."""
     both = zip(as_is.reports, read.reports, strict=True)
     return [k for k, (one, other) in enumerate(both) if one is not other]
@@ -397,11 +376,11 @@ def _other_scale(robot: Robot, judged: _Tables) -> list[Found]:
     """
     if robot.transmission.size < 2:
         return []
-    total, _ = at_gains([table[""].reports for table in judged.values()])
-    alike = logsumexp(SAME_GAIN + total, axis=1)
+    total, _ = evidence.at_gains([table[""].reports for table in judged.values()])
+    alike = logsumexp(evidence.SAME_GAIN + total, axis=1)
     names, every = robot.transmission.joints, np.arange(len(total))
-    own = logsumexp(GAIN_PRIOR + total, axis=1) - alike
-    whole = float(logsumexp(GAIN_PRIOR + total.sum(axis=0)) - alike.sum())
+    own = logsumexp(evidence.GAIN_PRIOR + total, axis=1) - alike
+    whole = float(logsumexp(evidence.GAIN_PRIOR + total.sum(axis=0)) - alike.sum())
     rivals = [every, *every[:, None]]
     odds = _OTHER_RATIO + np.array([whole, *own])
     best = int(np.argmax(odds))
@@ -409,7 +388,7 @@ def _other_scale(robot: Robot, judged: _Tables) -> list[Found]:
     if odds[best] < logsumexp(others):
         return []
     joints = rivals[best]
-    factor = GAINS[int(np.argmax(GAIN_PRIOR + total[joints].sum(axis=0)))]
+    factor = evidence.GAINS[int(np.argmax(evidence.GAIN_PRIOR + total[joints].sum(axis=0)))]
     which = ", ".join(names[k] for k in joints)
     text = f"torques of {which} are {factor:.2g} times what the links need."
     return [(LogFinding("warning", "torque_scale", "", text, _SCALE, {}, 0.5), tuple(judged))]
@@ -424,7 +403,7 @@ def _foreign(robot: Robot, judged: _Tables) -> list[Found]:
     leave open which is true.
     """
     reports = [table[""].reports for table in judged.values()]
-    doubts, found = foreign(reports), []
+    doubts, found = evidence.foreign(reports), []
     for k in np.flatnonzero(doubts >= LIKELY):
         read = [
             text
@@ -434,7 +413,7 @@ def _foreign(robot: Robot, judged: _Tables) -> list[Found]:
         ]
         if read:
             odds = {text: _weight(text, judged, tuple(judged)) for text in read}
-            near = [text for text in read if max(odds.values()) - odds[text] < TIED]
+            near = [text for text in read if max(odds.values()) - odds[text] < evidence.TIED]
             near.sort(key=lambda text: -odds[text])
             found.append(_told(near, judged, POSSIBLE, len(judged)))
             continue
