@@ -25,7 +25,7 @@ from wbc.robot.coordinates import slides
 _SOMEWHERE = ln(0.01)
 _RARE = ln(0.003)
 Lag: TypeAlias = tuple[Sequence[int], float]
-Zero: TypeAlias = tuple[int, float, float]
+Zero: TypeAlias = tuple[int, float, float, tuple[int, ...]]
 
 # How far turning joints travel in a log [rad]: 32 joints of seven recorded robots have a median of
 # 1.8 and a standard deviation of the logarithm of 0.84. One in ten may be anything else.
@@ -47,6 +47,7 @@ class Reading:
         weight: share of what gravity needs that the torques hold: 1, 0 without, -1 upside down.
         rivals: log prior of what is no mistake of a column and needs the same torque.
         exchanged: driven joints that have each other's columns.
+        logs: numbers of those that are read so, None for all.
     """
 
     kind: str = ""
@@ -56,24 +57,24 @@ class Reading:
     weight: float = 1.0
     rivals: float = -inf
     exchanged: tuple[int, ...] = ()
+    logs: tuple[int, ...] | None = None
 
 
 def readings(
     rows: LogRows, lost: BoolArray, doubtful: bool, lags: Sequence[Lag], zeros: Sequence[Zero]
 ) -> Iterator[Reading]:
-    """Yield the log as it stands, and then every mistake with the reading that undoes it.
+    """Yield every mistake with the reading that undoes it.
 
     Args:
-        rows: of the log.
+        rows: of the first log; others have the same columns.
         lost: (m,) driven joints whose report does not follow the need as the log stands; only
             theirs may be exchanged.
         doubtful: whether any report leaves more than physics usually does; only then gravity
             is asked about.
         lags: joints, by number, and by how much their torques may be late [s].
         zeros: single joints, by number, what may have to be added to their positions [rad], and
-            the log prior of it.
+            the log prior of it, and the numbers of the logs.
     """
-    yield Reading()
     yield from _signs(rows)
     yield from _units(rows)
     yield from _sides(rows)
@@ -195,7 +196,7 @@ def _late(rows: LogRows, lags: Sequence[Lag]) -> Iterator[Reading]:
 def _zeros(rows: LogRows, zeros: Sequence[Zero]) -> Iterator[Reading]:
     """Yield positions whose zero is another one."""
     model = rows.robot.model
-    for i, turn, prior in zeros:
+    for i, turn, prior, logs in zeros:
         joint = rows.robot.single_joints[i]
         # Behind the last joint of a chain, a link that is turned needs the same torque.
         last = len(model.subtrees[model.getJointId(joint)]) == 1
@@ -203,7 +204,7 @@ def _zeros(rows: LogRows, zeros: Sequence[Zero]) -> Iterator[Reading]:
         text = f"the zero of {joint}.position is off by {degrees(-turn):.0f} degrees"
         columns = {name: {"offset": turn} for name in names}
         rivals = prior - ln(3.0) if last else -inf
-        yield _mended("position_zero", text, prior, columns, rivals=rivals)
+        yield _mended("position_zero", text, prior, columns, rivals=rivals, logs=logs)
 
 
 def _mended(
