@@ -199,14 +199,13 @@ def _read_npz(path: Path) -> Table:
     rows = max(set(lengths), key=lengths.count, default=0)
     kept = {}
     for name, array in arrays.items():
-        flat = array[:, 0] if array.ndim == 2 and array.shape[1] == 1 else array
-        turned = flat.T if flat.ndim == 2 and rows == flat.shape[1] != flat.shape[0] else flat
-        if turned.ndim in (1, 2) and len(turned) == rows:
-            kept[name] = turned
-        elif turned.ndim > 2 and len(turned) == rows:
+        turned = array.T if array.ndim == 2 and rows == array.shape[1] != len(array) else array
+        if turned.ndim > 2 and len(turned) == rows:
             raise LogError(
                 f"'{path}': '{name}' has shape {array.shape}, expected (rows,) or (rows, columns)."
             )
+        if turned.ndim and len(turned) == rows:
+            kept[name] = turned[:, 0] if turned.shape[1:] == (1,) else turned
     others = [f"{name} {arrays[name].shape}" for name in arrays if name not in kept]
     notes = [f"arrays without {rows} rows were passed over: {', '.join(others)}."] if others else ()
     return Table(path, columns_of(kept, path), notes=tuple(notes))
@@ -279,32 +278,30 @@ def read_bag(path: Path, topic: str) -> Table:
     rows: list[list[float]] = []
     joints: list[str] = []
     fields: list[str] = []
-    start = 0
+    stamps: list[int] = []
     with _opened(path) as bag:
         chosen = _topic(bag, path, topic)
         wanted = [c for c in bag.connections if c.topic == chosen]
         for connection, received, raw in bag.messages(connections=wanted):
             message = bag.deserialize(raw, connection.msgtype)
             own = message.header.stamp
-            stamp = own.sec * 10**9 + own.nanosec or received
-            if not rows:
-                start, joints = stamp, [*map(str, message.name)]
-                fields = [f for f in _FIELDS if len(getattr(message, f)) == len(joints)]
-            seconds = (stamp - start) * 1e-9
+            stamps.append(own.sec * 10**9 + own.nanosec or received)
             place = {str(name): k for k, name in enumerate(message.name)}
+            joints = joints or [*place]
+            fields = fields or [f for f in _FIELDS if len(getattr(message, f)) == len(joints)]
             missing = [joint for joint in joints if joint not in place]
             if missing or any(len(getattr(message, f)) != len(place) for f in fields):
                 raise LogError(
-                    f"{path}: the message of '{chosen}' at {seconds:.6f} s lacks "
-                    f"{', '.join(missing) or 'values'} of the first message; several publishers "
-                    "share the topic? Record them on topics of their own."
+                    f"{path}: the message of '{chosen}' at {(stamps[-1] - stamps[0]) * 1e-9:.6f} s "
+                    f"lacks {', '.join(missing) or 'values'} of the first message; several "
+                    "publishers share the topic? Record them on topics of their own."
                 )
-            values = [getattr(message, f)[place[joint]] for joint in joints for f in fields]
-            rows.append([seconds, *map(float, values)])
+            rows.append([float(getattr(message, f)[place[j]]) for j in joints for f in fields])
     if not rows:
         raise LogError(f"{path}: topic '{chosen}' holds no message.")
-    names = (TIME, *(f"{joint}.{field}" for joint in joints for field in fields))
-    return Table(path, dict(zip(names, np.asarray(rows).T.copy(), strict=True)))
+    names = [f"{joint}.{field}" for joint in joints for field in fields]
+    time = np.array([stamp - stamps[0] for stamp in stamps]) * 1e-9
+    return Table(path, {TIME: time, **dict(zip(names, np.array(rows).T.copy(), strict=True))})
 
 
 def _topic(bag: Any, path: Path, topic: str) -> str:
