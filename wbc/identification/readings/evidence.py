@@ -112,31 +112,41 @@ def report(rows: LogRows, need: Need, joint: int, reported: FloatArray, samples:
     causes, drawn = need_columns(need, joint)
     table = np.column_stack([causes, drawn, reported / size])
     reduced: FloatArray = np.asarray(np.linalg.qr(table, mode="r"))
-    limit = _INERTIA * float(rows.inertia[joint]) / size
+    # The offset is free, so that its row is met, whatever the others are.
+    others, change, needed, told = np.split(reduced[1:, 1:], [3, 4, 5], axis=1)
+    gains, count = GAINS / size, min(samples, MOST_SAMPLES)
     rotor = float(rows.robot.transmission.reflected_inertia[joint])  # 0 where it is not known
-    count = min(samples, MOST_SAMPLES)
-    subsets = _Subsets.of(reduced)
-    gains, left, heavy = _likelihoods(subsets, GAINS / size, rotor, limit, count)
-    ratios = np.zeros(_RATIOS.size)
+    free, found = _nonnegative(np.hstack([others, change]), told - gains * needed)
+    inertia = np.minimum(found[-1], _INERTIA * float(rows.inertia[joint]) / size)
+    # A factor of the gear ratio changes what is measured on the rotor, not torque behind it.
+    power = 0.0 if rows.quantities[joint] == "motor_torque" else -1.0
+    asked = np.concatenate([gains, gains, _RATIOS**power / size])
+    inertias = np.concatenate([inertia, rotor * gains, rotor * _RATIOS ** (power + 2.0) / size])
+    left, _ = _nonnegative(others, told - asked * needed - inertias * change)
+    bounded, held, ratios = np.split(left, [GAINS.size, 2 * GAINS.size])
+    bounded = np.where(inertia < found[-1], bounded, free)
+    likely, heavy = log_likelihood(bounded, count), -inf
     if rotor > 0.0:
-        # A factor of the gear ratio changes what is measured on the rotor, not torque behind it.
-        power = 0.0 if rows.quantities[joint] == "motor_torque" else -1.0
-        inertias = rotor / size * _RATIOS ** (power + 2.0)
-        ratios = log_likelihood(subsets.left(_RATIOS**power / size, inertias), count)
-    best = int(np.argmax(gains))
+        # A rotor unlike its data sheet has its price.
+        away = np.log(np.maximum(inertia, 1e-300) / (gains * rotor)) / _ROTOR_SPREAD
+        price = np.maximum(-0.5 * away**2, _ROTOR_WRONG)
+        likely = np.maximum(likely + price, log_likelihood(held, count))
+    else:
+        turned = log_likelihood(free[_USUAL], count)
+        heavy = float(_log_sum(GAIN_PRIOR[_USUAL] + turned))
     whole = drawn + rotor * need.change[:, joint]
     own, target = reduced[:, :-2] / size, reduced[:, -1]
-    free = _EITHER_WAY + float(log_likelihood(_free_misfits([own], [target]), count)[0])
+    idle = _EITHER_WAY + float(log_likelihood(_free_misfits([own], [target]), count)[0])
     return Report(
-        gains=gains - 0.5 * _excess(size, whole, _MOST) ** 2,
-        left=float(left[best]),
-        idle=free + UNRELATED - 0.5 * _excess(size, whole, _IDLE) ** 2,
+        gains=likely - 0.5 * _excess(size, whole, _MOST) ** 2,
+        left=float(bounded[np.argmax(likely)]),
+        idle=idle + UNRELATED - 0.5 * _excess(size, whole, _IDLE) ** 2,
         causes=own,
         target=target,
         samples=count,
         size=size,
         heavy=heavy,
-        ratios=ratios,
+        ratios=log_likelihood(ratios, count) if rotor > 0.0 else np.zeros(_RATIOS.size),
     )
 
 
@@ -227,74 +237,26 @@ def need_columns(need: Need, joint: int) -> tuple[FloatArray, FloatArray]:
     return np.column_stack(causes), links
 
 
-def _likelihoods(
-    subsets: _Subsets, gains: FloatArray, rotor: float, limit: float, count: float
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return the log likelihood at each gain, the share of power left there, and `heavy`.
-
-    A rotor unlike its data sheet has its price.
-    """
-    reduced = subsets.reduced
-    free, found = subsets.fitted(reduced[:, -1:] - gains * reduced[:, -2:-1], without=1)
-    left, inertia, over = free.copy(), np.minimum(found[-1], limit), found[-1] > limit
-    left[over] = subsets.left(gains[over], inertia[over])
-    likelihood = log_likelihood(left, count)
-    if rotor <= 0.0:
-        turned = log_likelihood(free[_USUAL], count)
-        return likelihood, left, float(_log_sum(GAIN_PRIOR[_USUAL] + turned))
-    size = np.log(np.maximum(inertia, 1e-300) / (gains * rotor))
-    price = np.maximum(-0.5 * (size / _ROTOR_SPREAD) ** 2, _ROTOR_WRONG)
-    held = log_likelihood(subsets.left(gains, gains * rotor), count)
-    return np.maximum(likelihood + price, held), left, -inf
-
-
 def log_likelihood(left: FloatArray, count: FloatArray | float) -> FloatArray:
     """Return the log likelihood of independent samples of which a share of the power is left."""
     return np.asarray(-0.5 * count * np.log(left + _PHYSICS))
 
 
-class _Subsets(NamedTuple):
-    """Subsets of a few causes, solved for any target; no cause but the first may be below zero.
+def _nonnegative(columns: FloatArray, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what few columns (R, n) leave of targets (R, G), and coefficients, none below zero.
 
-    The first is the offset. So few causes have few subsets: the best coefficients are the least
-    squares of one of them.
+    Few columns have few subsets: the best coefficients are the least squares of one of them.
+
+    Returns:
+        (G,) squares that are left, and (n, G) coefficients.
     """
-
-    reduced: FloatArray
-    """(R, n + 1) the causes, the acceleration and the need last, and the report."""
-    columns: FloatArray
-    """(S, R, n) of each subset, zero where a cause is not in it."""
-    inverses: FloatArray
-    """(S, n, R), likewise."""
-
-    @classmethod
-    def of(cls, reduced: FloatArray) -> _Subsets:
-        """Solve the subsets of causes, see `reduced`."""
-        causes = reduced[:, :-1]
-        others = product((0.0, 1.0), repeat=causes.shape[1] - 1)
-        used = np.array([(1.0, *other) for other in others])
-        columns = causes * used[:, None]
-        return cls(reduced, columns, np.linalg.pinv(columns, rcond=ROUNDING) * used[:, :, None])
-
-    def left(self, gains: FloatArray, inertias: FloatArray) -> FloatArray:
-        """Return the share of power left at gains (G,) and coefficients of the acceleration."""
-        need, change = self.reduced[:, -2:-1], self.reduced[:, -3:-2]
-        return self.fitted(self.reduced[:, -1:] - gains * need - inertias * change, without=2)[0]
-
-    def fitted(self, targets: FloatArray, without: int = 0) -> tuple[FloatArray, FloatArray]:
-        """Return what is left of targets (R, G) at least, (G,) squares, and coefficients (n, G).
-
-        Args:
-            targets: one in each column.
-            without: so many of the last causes are not among the n.
-        """
-        kept, step = self.columns.shape[2] - without, 2**without
-        found = self.inverses[::step, :kept] @ targets
-        left = np.sum((targets - self.columns[::step, :, :kept] @ found) ** 2, axis=1)
-        left[(found[:, 1:] < 0.0).any(axis=1)] = np.inf
-        best = np.argmin(left, axis=0)
-        each = np.arange(best.size)
-        return left[best, each], found[best, :, each].T
+    used = np.array([*product((0.0, 1.0), repeat=columns.shape[1])])[:, None]
+    subsets = columns * used
+    found = (np.linalg.pinv(subsets, rcond=ROUNDING) * used.swapaxes(1, 2)) @ targets
+    left = np.sum((targets - subsets @ found) ** 2, axis=1)
+    left[(found < 0.0).any(axis=1)] = np.inf
+    best, each = np.argmin(left, axis=0), np.arange(targets.shape[1])
+    return left[best, each], found[best, :, each].T
 
 
 class Judged(NamedTuple):
