@@ -52,16 +52,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import LogError, require_known
 from wbc.files import SCHEMA, load_table, write_text
-from wbc.measurement.schema import (
-    LOG_UNITS,
-    TIME,
-    column_units,
-    named_unit,
-    not_a_column,
-    split_column,
-    today,
-    unit_factor,
-)
+from wbc.measurement import schema
 
 Mend: TypeAlias = Mapping[str, Any]
 """A map as a table. Its sources are channels of the log as it was read where it mends a log, for
@@ -203,20 +194,20 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
     Raises:
         LogError: a key, name, unit, side or number that does not fit.
     """
-    target = today(target)
-    units = column_units(target)
-    parts = split_column(target)
+    target = schema.today(target)
+    units = schema.column_units(target)
+    parts = schema.split_column(target)
     if units is None or parts is None:
         above = target.partition(".")[0] in SECTIONS
         hint = " Lines of other sections stand above the first [heading]." if above else ""
-        raise LogError(f"{place}: {not_a_column(target)}{hint}")
+        raise LogError(f"{place}: {schema.not_a_column(target)}{hint}")
     said = _checked(_as_table(entry), _RULE, place)
     sources = _listed(said.pop("from", target))
     factor = said.pop("scale", 1.0) * said.pop("sign", 1.0)
     if factor == 0.0:
         raise LogError(f"{place}: scale and sign must not be 0.")
     if "unit" in said:
-        factor *= unit_factor(said.pop("unit"), units, f"{place}.unit")
+        factor *= schema.unit_factor(said.pop("unit"), units, f"{place}.unit")
     numbers = factor * _per_source(said.pop("weights", 1.0), len(sources), f"{place}.weights")
     side, gears = said.pop("side", ""), said.pop("gear_ratio", ratios.get(parts[0]))
     if side:
@@ -270,7 +261,7 @@ class TimeRule:
         align_velocity: whether the delay of the velocities is taken out (see `align_velocity`).
     """
 
-    source: str = TIME
+    source: str = schema.TIME
     factor: float = 1.0
     rate: float = 0.0
     offset: float = 0.0
@@ -355,8 +346,9 @@ def parse_column_map(
     time = _checked(table.get("time", {}), _TIME, f"{label}: time")
     if "rate" in time and ("from" in time or time["rate"] <= 0.0):
         raise LogError(f"{label}: time: give either from, or a rate above 0 [Hz].")
-    factor = unit_factor(time.pop("unit", "s"), ("s",), f"{label}: time.unit")
-    source, entries = time.pop("from", "" if "rate" in time else TIME), column_entries(table, label)
+    factor = schema.unit_factor(time.pop("unit", "s"), ("s",), f"{label}: time.unit")
+    source = time.pop("from", "" if "rate" in time else schema.TIME)
+    entries = column_entries(table, label)
     rules = [
         parse_rule(name, entry, f"{label}: columns.{name}", gear_ratios or {})
         for name, entry in entries.items()
@@ -442,7 +434,7 @@ def _is_rule(name: str, value: Any) -> bool:
     if not isinstance(value, Mapping):
         return False
     known = bool(value) and set(value) <= set(_RULE)
-    return known or split_column(name) is not None or "from" in value
+    return known or schema.split_column(name) is not None or "from" in value
 
 
 def _columns(before: Mapping[str, Any], mend: Mapping[str, Any]) -> dict[str, Any]:
@@ -475,7 +467,7 @@ def _combined(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
             entry[key] = old[key] * new[key]
     if "unwrap" in new and ("unit" in old or "scale" in old):
         # The period is counted in the unit of the file, the mend in that of the log.
-        worth = LOG_UNITS[named_unit(str(old["unit"]))][1] if "unit" in old else 1.0
+        worth = schema.LOG_UNITS[schema.named_unit(str(old["unit"]))][1] if "unit" in old else 1.0
         entry["unwrap"] = float(f"{new['unwrap'] / abs(worth * old.get('scale', 1.0)):.10g}")
     if "sign" in entry and entry["sign"] == 1:
         del entry["sign"]

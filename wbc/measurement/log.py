@@ -15,18 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.arrays import FloatArray, IntArray, Remade, frozen
 from wbc.errors import LogError, require_known, unknown_name
+from wbc.measurement import schema
 from wbc.measurement.clocks import LEAST_ROWS, advancing, gaps
 from wbc.measurement.column_map import Mend, say_so
 from wbc.measurement.names import unread
-from wbc.measurement.schema import (
-    FORCE_QUANTITIES,
-    JOINT_QUANTITIES,
-    TIME,
-    is_column,
-    not_a_column,
-    owners,
-    today,
-)
 from wbc.robot import Robot
 from wbc.tables import few, joined
 from wbc.transmission import Transmission
@@ -129,15 +121,15 @@ class Log(Remade):
                 length, a value that is no finite number, or a name that is not in the schema.
         """
         label = self.source.label
-        time = _checked_series(self.time, TIME, None, label)
+        time = _checked_series(self.time, schema.TIME, None, label)
         if time.size < 2:
             raise LogError(f"{label}: {time.size} rows; a log needs at least two.")
         advancing(time, {}, "error", np.arange(time.size), label)  # raises where it does not
         columns: dict[str, FloatArray] = {}
         for name, values in self.columns.items():
-            if name == TIME or not is_column(name):
-                raise LogError(f"{label}: " + not_a_column(name))
-            columns[today(name)] = _checked_series(values, name, time.size, label)
+            if name == schema.TIME or not schema.is_column(name):
+                raise LogError(f"{label}: " + schema.not_a_column(name))
+            columns[schema.today(name)] = _checked_series(values, name, time.size, label)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "columns", MappingProxyType(columns))
 
@@ -158,10 +150,12 @@ class Log(Remade):
                 f"name, not {type(frame).__name__}; files are read with load_logs([...])."
             )
         names = [str(name) for name in held]
-        require_known(LogError, "column", TIME, names, "log in memory")
-        columns = {n: np.asarray(frame[n]) for n in names if n != TIME and is_column(n)}
-        ignored = tuple(name for name in names if name != TIME and name not in columns)
-        return cls(np.asarray(frame[TIME]), columns, LogSource(ignored=ignored))
+        require_known(LogError, "column", schema.TIME, names, "log in memory")
+        columns = {
+            n: np.asarray(frame[n]) for n in names if n != schema.TIME and schema.is_column(n)
+        }
+        ignored = tuple(name for name in names if name != schema.TIME and name not in columns)
+        return cls(np.asarray(frame[schema.TIME]), columns, LogSource(ignored=ignored))
 
     def __len__(self) -> int:
         """N, the number of rows."""
@@ -186,12 +180,12 @@ class Log(Remade):
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints that have any channel, in order of appearance."""
-        return owners(self.columns, JOINT_QUANTITIES)
+        return schema.owners(self.columns, schema.JOINT_QUANTITIES)
 
     @property
     def contacts(self) -> tuple[str, ...]:
         """Names of the contacts that have a force channel, in order of appearance."""
-        return owners(self.columns, FORCE_QUANTITIES)
+        return schema.owners(self.columns, schema.FORCE_QUANTITIES)
 
     @property
     def duration(self) -> float:
@@ -205,7 +199,7 @@ class Log(Remade):
 
     def has(self, *names: str) -> bool:
         """Whether all of these channels are there."""
-        return all(name == TIME or today(name) in self.columns for name in names)
+        return all(name == schema.TIME or schema.today(name) in self.columns for name in names)
 
     def recorded(self, name: str) -> bool:
         """Whether the log was recorded with this channel, be it usable or not."""
@@ -213,7 +207,7 @@ class Log(Remade):
 
     def with_quantity(self, quantity: str) -> tuple[str, ...]:
         """Return the joints that have a channel of this quantity."""
-        return owners(self.columns, [today(f".{quantity}")[1:]])
+        return schema.owners(self.columns, [schema.today(f".{quantity}")[1:]])
 
     def column(self, name: str) -> FloatArray:
         """Return one channel, (N,), read-only.
@@ -222,9 +216,9 @@ class Log(Remade):
             LogError: no such channel; the message lists those there are, and those of the file
                 that were not read.
         """
-        if name == TIME:
+        if name == schema.TIME:
             return self.time
-        if (held := self.columns.get(today(name))) is not None:
+        if (held := self.columns.get(schema.today(name))) is not None:
             return held
         if name in self.source.unusable:
             raise LogError(f"{self.source.label}: {self.source.unusable[name]}")

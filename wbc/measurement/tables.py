@@ -11,6 +11,7 @@ import gzip
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from csv import reader
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -77,20 +78,15 @@ class Table:
         if values.dtype.kind == "M":
             return np.asarray((values - values[0]) / np.timedelta64(1, "ns") * 1e-9)
         cells = ["" if cell is None else str(cell).strip() for cell in values]
-        row = 0
-        try:
-            numbers = np.full(len(cells), np.nan)
-            for row, cell in enumerate(cells):
-                if cell:
-                    numbers[row] = float(cell)
-        except ValueError:
-            if (seconds := _seconds(cells)) is not None:
-                return seconds
-            raise LogError(
-                f"'{self.path}': column '{name}' holds '{cells[row]}' at row {row} instead of "
-                "numbers. Repair these cells, or leave the column out."
-            ) from None
-        return numbers
+        with suppress(ValueError):
+            return np.array([float(cell or "nan") for cell in cells])
+        if (seconds := _seconds(cells)) is not None:
+            return seconds
+        row = next(row for row, cell in enumerate(cells) if not _is_number(cell or "nan"))
+        raise LogError(
+            f"'{self.path}': column '{name}' holds '{cells[row]}' at row {row} instead of "
+            "numbers. Repair these cells, or leave the column out."
+        )
 
     def texts(self, name: str) -> NDArray[Any]:
         """Return a column (N,) as text."""
@@ -104,11 +100,9 @@ class Table:
 
     def holds_numbers(self, name: str) -> bool:
         """Whether a column can be read as numbers."""
-        try:
-            self.numbers(name)
-        except LogError:
-            return False
-        return True
+        with suppress(LogError):
+            return self.numbers(name) is not None
+        return False
 
 
 def columns_of(arrays: Mapping[str, Any], path: Path) -> dict[str, Any]:
@@ -189,6 +183,12 @@ def _seconds(cells: Sequence[str]) -> FloatArray | None:
     return None
 
 
+def _is_number(cell: str) -> bool:
+    with suppress(ValueError):
+        return float(cell) is not None
+    return False
+
+
 def _date(cell: str, pattern: str) -> datetime:
     """Return the date of a cell, by the ISO where there is no pattern."""
     if not pattern:
@@ -219,10 +219,7 @@ class _Layout:
         return Counter(map(len, self.rows[1:] or self.rows)).most_common(1)[0][0]
 
     def is_number(self, cell: str) -> bool:
-        try:
-            return cell in _EMPTY or float(cell.replace(self.decimal, ".")) is not None
-        except ValueError:
-            return False
+        return cell in _EMPTY or _is_number(cell.replace(self.decimal, "."))
 
     def numbers(self, row: Sequence[str]) -> list[bool]:
         """Return which cells of a line hold numbers, or lists of them."""
