@@ -286,7 +286,6 @@ def _patched(rules: ColumnMap, table: Table) -> tuple[ColumnMap, tuple[str, ...]
         if target not in taken and not used & set(rule.sources) and target != rules.time.source
     ]
     complete = replace(rules, rules=(*passed, *stated))
-    _require_clock(complete, table)
     _require_columns(complete, table)
     read = {s for rule in complete.rules for s in rule.sources} | {rules.time.source, *used}
     ignored = tuple(n for n in table.names if n not in read and n not in rules.left_out)
@@ -331,7 +330,8 @@ def _require_spelling(table: Table, rules: ColumnMap, used: set[str]) -> None:
         )
 
 
-def _require_clock(rules: ColumnMap, table: Table) -> None:
+def _require_columns(rules: ColumnMap, table: Table) -> None:
+    """Raise where a file lacks its clock, every channel, or a column that the map needs."""
     if rules.time.source == TIME and TIME not in table.names:
         clock, rate = say_so({"time": {"from": "CLOCK"}}), say_so({"time": {"rate": 100}})
         raise LogError(
@@ -346,13 +346,8 @@ def _require_clock(rules: ColumnMap, table: Table) -> None:
             f"There are: {', '.join(table.names)}. Let `{init}` write a first "
             "column map for the URDF, MJCF or robot MODEL."
         )
-
-
-def _require_columns(rules: ColumnMap, table: Table) -> None:
-    """Raise where a file lacks a column that the map needs."""
     needed = [(f"columns.{rule.target}", s) for rule in rules.rules for s in rule.sources]
-    needed += [("rows", key) for key in rules.rows.keys]
-    needed += [("time", rules.time.source)] if rules.time.source else []
-    for key, name in needed:
+    needed += [*(("rows", key) for key in rules.rows.keys), ("time", rules.time.source)]
+    for key, name in (one for one in needed if one[1]):
         place = f"{rules.path or 'column map'}: {key}"
         require_known(LogError, f"column of '{table.path}'", name, table.names, place)

@@ -75,9 +75,8 @@ def readings(
         zeros: single joints, by number, what may have to be added to their positions [rad], and
             the log prior of it, and the numbers of the logs.
     """
-    yield from _signs(rows)
+    yield from _signs_and_sides(rows)
     yield from _units(rows)
-    yield from _sides(rows)
     yield from _exchanges(rows, lost)
     yield from _late(rows, lags)
     yield from _zeros(rows, zeros)
@@ -88,19 +87,34 @@ def readings(
         yield Reading("upside_down", text, _SOMEWHERE, weight=-1.0)
 
 
-def _signs(rows: LogRows) -> Iterator[Reading]:
-    """Yield torques and positions whose sign is the other way round."""
-    for chosen in _all_or_one(rows.torques):
-        many = len(chosen) > 1
-        text = (
-            f"the sign{'s' if many else ''} of {listed(chosen)} {'are' if many else 'is'} reversed"
-        )
+def _signs_and_sides(rows: LogRows) -> Iterator[Reading]:
+    """Yield torques and positions of the other sign, and torques of the other side of the gear."""
+    ratios = dict(zip(rows.torques, map(float, rows.robot.transmission.gear_ratio), strict=True))
+    for names in _all_or_one(rows.torques):
+        chosen, many = listed(names), len(names) > 1
+        text = f"the sign{'s' if many else ''} of {chosen} {'are' if many else 'is'} reversed"
         prior = EVERYWHERE if many else _SOMEWHERE
-        yield _mended("torque_sign", text, prior, {name: {"sign": -1} for name in chosen})
+        yield _mended("torque_sign", text, prior, {name: {"sign": -1} for name in names})
+        quantities = {name.rpartition(".")[2] for name in names}
+        if all(abs(ratios[name]) == 1.0 for name in names) or len(quantities) > 1:
+            continue
+        prior = EVERYWHERE if names == rows.torques else _RARE
+        for power in (1.0, -1.0):
+            columns: dict[str, dict[str, Any]] = {
+                name: {"scale": abs(ratios[name]) ** power} for name in names
+            }
+            text = f"the gear ratio was applied once too often to {chosen}"
+            if quantities == {"current"}:
+                text = f"the torque constants behind {chosen} belong to the other side of the gear"
+            if (quantities, power) in (({"rotor_torque"}, -1.0), ({"motor_torque"}, 1.0)):
+                side, when = ("motor", "after") if power < 0.0 else ("rotor", "before")
+                text = f"the log gives torque {when} the reduction as {chosen}"
+                columns = {name: {"side": side, "gear_ratio": ratios[name]} for name in names}
+            yield _mended("gear_side", text, prior, columns)
     for joint in rows.robot.single_joints:
-        columns = {name: {"sign": -1} for name in encoder_columns(rows.log, joint)}
+        mirrored = {name: {"sign": -1} for name in encoder_columns(rows.log, joint)}
         text = f"the sign of {joint}.position is reversed"
-        yield _mended("position_sign", text, _SOMEWHERE, columns)
+        yield _mended("position_sign", text, _SOMEWHERE, mirrored)
 
 
 def _units(rows: LogRows) -> Iterator[Reading]:
@@ -140,29 +154,6 @@ def _travels(log: Log, joint: str, factor: float) -> float:
     away = np.log(np.maximum(np.array([1.0, factor]) * travel, _HELD) / _TRAVEL)
     density = log_mixture(away, _TRAVEL_SPREADS)
     return float(density[1] - density[0])
-
-
-def _sides(rows: LogRows) -> Iterator[Reading]:
-    """Yield torques of the other side of the gear."""
-    ratios = dict(zip(rows.torques, map(float, rows.robot.transmission.gear_ratio), strict=True))
-    for names in _all_or_one(rows.torques):
-        quantities = {name.rpartition(".")[2] for name in names}
-        if all(abs(ratios[name]) == 1.0 for name in names) or len(quantities) > 1:
-            continue
-        chosen, prior = listed(names), EVERYWHERE if names == rows.torques else _RARE
-        for power in (1.0, -1.0):
-            if (quantities, power) in (({"rotor_torque"}, -1.0), ({"motor_torque"}, 1.0)):
-                side, when = ("motor", "after") if power < 0.0 else ("rotor", "before")
-                text = f"the log gives torque {when} the reduction as {chosen}"
-                columns = {name: {"side": side, "gear_ratio": ratios[name]} for name in names}
-            else:
-                text = f"the gear ratio was applied once too often to {chosen}"
-                if quantities == {"current"}:
-                    text = (
-                        f"the torque constants behind {chosen} belong to the other side of the gear"
-                    )
-                columns = {name: {"scale": abs(ratios[name]) ** power} for name in names}
-            yield _mended("gear_side", text, prior, columns)
 
 
 def _exchanges(rows: LogRows, lost: BoolArray) -> Iterator[Reading]:
