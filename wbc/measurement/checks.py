@@ -132,11 +132,8 @@ def check_set(logs: Sequence[Log]) -> Iterator[LogFinding]:
             )
             way = "Logs given together must be of one robot."
             yield LogFinding("error", "joints_differ", "", text, way)
-        elif odd := sorted({*first.names} ^ {*log.names}):
-            text = (
-                f"{log.source.label} and {first.source.label} differ in the channels "
-                f"{', '.join(odd)}."
-            )
+        elif odd := ", ".join(sorted({*first.names} ^ {*log.names})):
+            text = f"{log.source.label} and {first.source.label} differ in the channels {odd}."
             way = "Only channels that all logs have are used together."
             yield LogFinding("warning", "channels_differ", "", text, way)
     slow, fast = (pick(logs, key=lambda log: log.sample_time) for pick in (max, min))
@@ -338,19 +335,15 @@ def plateau(
         position: (N,) of the joint, None if it is not known.
     """
     low, high = float(values.min()), float(values.max())
-    share, runs = 0.0, 0
     # What a joint at rest may seem to travel: its resolution, a thousandth of its range.
     least = 0.0 if position is None else max(2.0 * resolution(position), 1e-3 * np.ptp(position))
-    for extreme in {low, high} - {0.0}:
-        starts, ends = true_runs(values == extreme)
-        for start, end in zip(starts, ends, strict=True):
-            if end - start < 3 or (
-                position is not None and np.ptp(position[start + 1 : end]) <= least
-            ):
-                continue
-            share += float(end - start) / values.size
-            runs += 1
-    return low, high, share, runs
+    lengths = [
+        end - start
+        for extreme in {low, high} - {0.0}
+        for start, end in zip(*true_runs(values == extreme), strict=True)
+        if end - start >= 3 and (position is None or np.ptp(position[start + 1 : end]) > least)
+    ]
+    return low, high, float(sum(lengths)) / values.size, len(lengths)
 
 
 _REPEATS = 0.05  # largest rms distance of two positions, relative to their motion, of repeats
@@ -374,12 +367,9 @@ def find_repeats(logs: Sequence[Log]) -> tuple[tuple[int, ...], ...]:
     copies = {k for group in find_duplicates(logs) for k in group[1:]}
     groups: list[list[int]] = []
     for k, log in enumerate(logs):
-        if k in copies:
-            continue
-        home = next((g for g in groups if _same_excitation(logs[g[0]], log)), None)
-        if home is None:
-            groups.append([k])
-        else:
+        if k not in copies:
+            home = next((g for g in groups if _same_excitation(logs[g[0]], log)), [])
+            groups += [] if home else [home]
             home.append(k)
     return tuple(tuple(group) for group in groups if len(group) > 1)
 
@@ -403,17 +393,16 @@ def _same_excitation(a: Log, b: Log) -> bool:
     rates = [a.duration / b.duration, a.sample_time / b.sample_time]
     if names != _motions(b) or max(abs(ratio - 1.0) for ratio in rates) > 0.01:
         return False
-    moved = 0
+    moved = False
     for name in names:
         first = a.column(name)
         second = np.interp(a.time - a.time[0], b.time - b.time[0], b.column(name))
-        motion, noise = float(np.std(first)), residual_noise(a.time, first)
+        motion, noise = float(np.std(first)), _NOISE_ALLOWANCE * residual_noise(a.time, first)
         # A joint that stands still repeats its place within the noise of its sensor.
-        most = _REPEATS * motion + _NOISE_ALLOWANCE * noise
-        if float(np.sqrt(np.mean((first - second) ** 2))) > most:
+        if float(np.sqrt(np.mean((first - second) ** 2))) > _REPEATS * motion + noise:
             return False
-        moved += motion > _NOISE_ALLOWANCE * noise
-    return moved > 0
+        moved |= motion > noise
+    return moved
 
 
 def _motions(log: Log) -> list[str]:

@@ -248,13 +248,13 @@ class Log(Remade):
         Raises:
             LogError: fewer than two rows lie there.
         """
-        first, last = np.searchsorted(self.time, [start, stop])
+        first, last = map(int, np.searchsorted(self.time, [start, stop]))
         if last - first < 2:
             raise LogError(
                 f"{self.source.label}: fewer than two rows between {start:g} s and {stop:g} s; "
                 f"the log runs from {self.time[0]:g} s to {self.time[-1]:g} s."
             )
-        return self[int(first) : int(last)]
+        return self[first:last]
 
     def select(self, names: Iterable[str]) -> Log:
         """Return a log with only these channels.

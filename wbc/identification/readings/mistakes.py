@@ -172,12 +172,9 @@ def motionless(robot: Robot, logs: Sequence[Log]) -> LogFinding | None:
 def single_ratios(robot: Robot) -> dict[str, float]:
     """Return N of the joints that one motor drives alone (row and column of D are the identity)."""
     gears = robot.transmission
-    topology = np.abs(gears.topology - np.eye(gears.size)) > 0.0
-    return {
-        joint: float(gears.gear_ratio[k])
-        for k, joint in enumerate(gears.joints)
-        if not topology[k].any() and not topology[:, k].any()
-    }
+    odd = np.abs(gears.topology - np.eye(gears.size)) > 0.0
+    alone = np.flatnonzero(~(odd.any(axis=0) | odd.any(axis=1)))
+    return {gears.joints[k]: float(gears.gear_ratio[k]) for k in alone}
 
 
 POSSIBLE = 0.5
