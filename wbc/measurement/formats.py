@@ -95,23 +95,23 @@ def _side_by_side(table: Table) -> Table:
     clock = next(iter(table.clocks), "")
     stamps = np.asarray(table.columns[clock]) if clock else np.arange(2)
     told = any(is_column(name) for name in table.names if name != TIME)
-    for name in table.names if not told and stamps.size > 1 and stamps[0] == stamps[1] else ():
+    others = [name for name in table.names if name != clock]
+    for name in others if not told and stamps.size > 1 and stamps[0] == stamps[1] else ():
         cells = np.asarray(table.columns[name])
         turn = list(dict.fromkeys(cells[:_MOST_TURNS].tolist()))
-        n, kind = len(turn), cells.dtype.kind
-        rows = table.rows - table.rows % max(n, 1)
-        if kind not in "iuOU" or n < 2 or rows <= n or name == clock:
+        n, rows = len(turn), table.rows - table.rows % max(len(turn), 1)
+        if cells.dtype.kind not in "iuOU" or n < 2 or rows <= n:
             continue
         stands = np.array_equal(stamps[:rows], np.repeat(stamps[:rows:n], n))
         if stands and np.array_equal(cells[:rows], np.tile(turn, rows // n)):
-            columns = {clock: stamps[:rows:n]}
-            for other in table.names:
-                if other not in (name, clock):
-                    values = np.asarray(table.columns[other])[:rows]
-                    columns |= {f"{other}_{one}": values[k::n] for k, one in enumerate(turn)}
+            columns, units = {clock: stamps[:rows:n]}, dict(table.units)
+            for other in (one for one in others if one != name):
+                values = np.asarray(table.columns[other])
+                own = {f"{other}_{one}": values[k:rows:n] for k, one in enumerate(turn)}
+                columns |= own
+                units |= dict.fromkeys(own, table.units[other]) if other in table.units else {}
             said = f"rows take turns by {name} ({', '.join(map(str, turn))}): put side by side."
-            units = {f"{n}_{one}": unit for n, unit in table.units.items() for one in turn}
-            return Table(table.path, columns, {**table.units, **units}, (*table.notes, said))
+            return Table(table.path, columns, units, (*table.notes, said))
     return table
 
 
@@ -135,20 +135,17 @@ def _joined(path: Path, first: Table, others: Sequence[Table]) -> Table:
             raise LogError(
                 f"{table.path}: no column looks like a clock, so nothing can be put beside."
             )
-    columns = dict(first.columns)
+    columns, notes = dict(first.columns), list(first.notes)
     time = first.numbers(first.clocks[0])
-    notes = list(first.notes)
     for table in others:
         clock = table.clocks[0]
-        stamps = table.numbers(clock)
-        rows = np.searchsorted(stamps, time, side="right") - 1
-        known = rows >= 0
+        rows = np.searchsorted(table.numbers(clock), time, side="right") - 1
         theirs = [word for word in _words_of(table.path) if word not in _words_of(first.path)]
         prefix = "_".join(theirs) or "other"
         for name in table.names:
             if name != clock and table.holds_numbers(name):
                 values = table.numbers(name)[np.maximum(rows, 0)]
-                columns[f"{prefix}_{name}"] = np.where(known, values, np.nan)
+                columns[f"{prefix}_{name}"] = np.where(rows < 0, np.nan, values)
         notes.append(f"columns of '{table.path.name}' were put beside, by {clock}.")
     return Table(path, columns, first.units, tuple(notes))
 
