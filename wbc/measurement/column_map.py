@@ -66,7 +66,10 @@ ENCODER_RATES = {
     "target_velocity": "/s",
 }
 """Quantities that turn with the encoder of a joint -> what their unit has more than its."""
-_SECTIONS: Mapping[str, Any] = {"rows": {}, "time": {}, "columns": {}, "trusted": True}
+_SECTIONS: Mapping[str, Any] = {
+    **{"rows": {"split": "log"}, "time": {"from": "t"}, "columns": {"hip.position": "q1"}},
+    "trusted": True,
+}
 SECTIONS = tuple(_SECTIONS)
 _POWERS = {
     **dict.fromkeys(ENCODER_RATES, -1),
@@ -101,13 +104,17 @@ def _checked(
     for key, value in table.items():
         require_known(LogError, kind, key, keys, place)
         if not _fits(value, like := keys[key]):
-            words = f"one of {', '.join(like)}" if isinstance(like, tuple) else ""
-            expected = words or _EXPECTED.get(type(like)) or f"a value such as {like!r}"
-            raise LogError(f"{place}.{key}: {expected} is expected, got {value!r}.")
+            said = f"one of {', '.join(like)}" if isinstance(like, tuple) else ""
+            said = said or _EXPECTED.get(type(like)) or f"a value such as {like!r}"
+            own = f"{place}.{key}" if kind == "key" else f"{place}: {key}"
+            if isinstance(like, dict):
+                example = lines({key: like})[0]
+                raise LogError(f"{own}: a table is expected, such as {example}.")
+            raise LogError(f"{own}: {said} is expected, got {value!r}.")
     return dict(table)
 
 
-_EXPECTED = {str: "a text", float: "a finite number", bool: "true or false", dict: "a table"}
+_EXPECTED = {str: "a text", float: "a finite number", bool: "true or false"}
 
 
 def _fits(value: Any, like: Any) -> bool:
@@ -116,13 +123,10 @@ def _fits(value: Any, like: Any) -> bool:
         return value in like
     if isinstance(like, list):
         return all(_fits(one, like[0]) for one in _listed(value)) and value != []
-    if isinstance(like, dict) and isinstance(value, Mapping):
-        texts = (isinstance(one, str) or not like for one in value.values())
-        return all(texts)
     if isinstance(like, float):
         number = isinstance(value, int | float) and not isinstance(value, bool)
         return number and isfinite(value)
-    return isinstance(value, type(like))
+    return isinstance(value, Mapping if isinstance(like, dict) else type(like))
 
 
 def _listed(value: Any) -> tuple[Any, ...]:
@@ -341,6 +345,8 @@ def parse_column_map(
     _checked(table, _SECTIONS, label, "section")
     rows = _checked(table.get("rows", {}), _ROWS, f"{label}: rows")
     rows |= {"header": _listed(rows["header"])} if "header" in rows else {}
+    where = rows.get("where", {})
+    _checked(where, dict.fromkeys(where, "A.0/*"), f"{label}: rows.where")
     if "between" in rows and not (len(span := rows["between"]) == 2 and span[0] < span[1]):
         raise LogError(f"{label}: rows.between: [first, last] in seconds is expected, got {span}.")
     time = _checked(table.get("time", {}), _TIME, f"{label}: time")
