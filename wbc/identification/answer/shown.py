@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -65,7 +66,7 @@ def series_of(robot: Robot, records: Sequence[Record]) -> tuple[Series, ...]:
     return tuple(series)
 
 
-class Shown:
+class Shown(ABC):
     """An answer as `print`, a notebook and a figure show it; what a subclass says fills it."""
 
     robot: Robot
@@ -73,22 +74,22 @@ class Shown:
     warnings: tuple[str, ...]
 
     @property
+    @abstractmethod
     def sentence(self) -> str:
         """The answer, as a person would say it."""
-        raise NotImplementedError
 
     @property
     def to_do(self) -> str:
         """What to do now; empty where nothing follows."""
         return ""
 
+    @abstractmethod
     def tables(self) -> tuple[TextTable, ...]:
         """Return what stands below the sentence."""
-        raise NotImplementedError
 
+    @abstractmethod
     def models(self) -> list[tuple[str, Sequence[Series]]]:
         """Return label and torques of each model of the figure."""
-        raise NotImplementedError
 
     def __str__(self) -> str:
         """Return the sentence, what was found and left, what to do now, and warnings."""
