@@ -26,6 +26,7 @@ from wbc.identification.choice.plain_models import FRICTION, at_all_joints
 from wbc.identification.classic import classic_fit, held_out_residual
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
+from wbc.identification.records.record import rms
 from wbc.measurement import Log
 from wbc.robot import Robot
 
@@ -74,11 +75,6 @@ def measure(
         ],
     }
     return result, table_of(machine, result)
-
-
-def rms(left: FloatArray) -> FloatArray:
-    """Return (outputs,) the root mean squares of what is left (rows, outputs)."""
-    return np.asarray(np.sqrt(np.mean(left**2, axis=0)))
 
 
 def left_by(problem: EstimationProblem, fit: Fit) -> FloatArray:

@@ -19,7 +19,7 @@ from wbc.identification.choice.plain_models import JOINTS
 from wbc.identification.model.columns import derivatives, inertial_columns
 from wbc.identification.model.estimation_problem import TAIL, EstimationProblem
 from wbc.identification.model.residual import evaluate
-from wbc.identification.records.record import output_names, rows_per_sample
+from wbc.identification.records.record import output_names, rms, rows_per_sample
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 from wbc.robot.coordinates import unit_at
@@ -183,7 +183,7 @@ def classic_fit(problem: EstimationProblem) -> ClassicFit:
         ),
         joints=tuple(names[k] for k in kept),
         before=np.sqrt(np.mean(problem.residual[:, kept] ** 2, axis=0)),
-        left=np.sqrt(np.mean(held**2, axis=0)),
+        left=rms(held),
         residual=held,
         warnings=problem.warnings,
     )
@@ -260,7 +260,7 @@ def _weights(target: FloatArray, values: FloatArray) -> FloatArray:
     """Return (outputs,) one over what a first fit leaves, in floors and never below one."""
     a = values.reshape(-1, values.shape[-1])
     left = (target.ravel() + a @ _solve(a, -target.ravel())).reshape(target.shape)
-    return np.asarray(1.0 / np.maximum(np.sqrt(np.mean(left**2, axis=0)), 1.0))
+    return np.asarray(1.0 / np.maximum(rms(left), 1.0))
 
 
 def _solve(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -26,7 +26,7 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit, change_along
 from wbc.identification.model.residual import condensed_residual, raw_residual
 from wbc.identification.records.not_judged import without_torque_sensors
-from wbc.identification.records.record import Record, output_names, output_units
+from wbc.identification.records.record import Record, output_names, output_units, rms
 from wbc.identification.terms import torque_terms
 from wbc.measurement import Log
 from wbc.robot import Effect, Evidence, Robot
@@ -397,7 +397,7 @@ def discover(
 def _with_drives(found: Discovery, whole: EstimationProblem) -> Discovery:
     """Return what was found, with what is left between the motors and the sensors."""
     residual = condensed_residual(found.robot, whole.records)
-    left = np.sqrt(np.mean(residual**2, axis=0))
+    left = rms(residual)
     beyond = left > (1.0 + _EXPLAINED_FLOOR) * whole.floor.values
     names, units = output_names(whole.robot), output_units(whole.robot)
     drives = np.intersect1d(whole.robot.sensed, whole.floor.judged)

@@ -337,9 +337,9 @@ def _features_of(problem: EstimationProblem) -> list[FloatArray]:
 
 def _held_out(features: FloatArray, residual: FloatArray, folds: IntArray) -> float:
     """Return the mean square that a ridge regression leaves on folds it has not seen."""
-    spread = np.sqrt(np.mean(features**2, axis=0))
+    spread = rows.rms(features)
     a = features[:, spread > 1e-9 * spread.max(initial=1e-300)]
-    a = a / np.sqrt(np.mean(a**2, axis=0))
+    a = a / rows.rms(a)
     inside = [folds == fold for fold in np.unique(folds)]
     grams = np.array([a[own].T @ a[own] for own in inside])
     moments = np.array([a[own].T @ residual[own] for own in inside])

@@ -57,6 +57,7 @@ from wbc.identification.records.record import (
     held_out_folds,
     output_gear,
     output_names,
+    rms,
     rows_per_sample,
     time_blocks,
 )
@@ -545,7 +546,7 @@ def alike_shifts(fit: Fit, first: FloatArray, noise: FloatArray) -> FloatArray:
     known = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
     scale = np.diagonal(known)
     own = (fit.jacobian / norm) @ (known / np.where(scale > 0.0, scale, np.inf))
-    size = np.sqrt(np.mean(own**2, axis=0))  # (outputs, p), per unit of the norm
+    size = rms(own)  # (outputs, p), per unit of the norm
     distorted = ALIKE * DISTORTED * np.sqrt(np.maximum(first - 1.0, 0.0))
     reach, power = (weights * distorted) @ size, weights @ size**2
     return np.asarray(np.where(power > 0.0, reach / np.maximum(power, 1e-300), 0.0) / norm)

@@ -19,7 +19,7 @@ from scipy.signal import welch
 from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import contact_torque
 from wbc.dynamics.batch import inverse_dynamics
-from wbc.identification.records.record import Record, judged, output_count, rows_per_sample
+from wbc.identification.records.record import Record, judged, output_count, rms, rows_per_sample
 from wbc.measurement import derivative, low_pass
 
 _SHRINKAGE = 0.03
@@ -215,7 +215,7 @@ def _close(one: Record, other: Record) -> bool:
     moving[driven] &= one.weight[:, : driven.size].any(axis=0)
     times = np.asarray(first.time), np.asarray(second.time)
     between = _difference(first.velocity, times[0], second.velocity, times[1])
-    apart = np.sqrt(np.mean(between**2, axis=0))
+    apart = rms(between)
     return bool(moving.any() and np.all(apart[moving] < _SAME_MOTION * spread[moving]))
 
 

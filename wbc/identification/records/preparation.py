@@ -16,7 +16,7 @@ from wbc.identification.records.channels import read_channels, typical_inertia
 from wbc.identification.records.filters import Bandwidth, NoiseDensity, low_passed, white_level
 from wbc.identification.records.noise import load_bands, synthetic_noise
 from wbc.identification.records.not_judged import not_judged_at_rest
-from wbc.identification.records.record import Record, at_outputs, output_count, rubbing
+from wbc.identification.records.record import Record, at_outputs, output_count, rms, rubbing
 from wbc.measurement import Log, derivative, differentiate, low_pass
 from wbc.robot import Motion, Robot
 
@@ -206,7 +206,7 @@ def _weight(
     typical = np.sqrt(np.mean(acceleration[settled] ** 2, axis=0))
     noise_speed = noise.speed_deviation(band)[rows]
     threshold = period * typical * reversal + 4.0 * noise_speed
-    threshold = np.minimum(threshold, 0.5 * np.sqrt(np.mean(speed**2, axis=0)))
+    threshold = np.minimum(threshold, 0.5 * rms(speed))
     # A joint that holds still all the time carries a load, too.
     threshold *= noise.moving(motion.velocity, band)[rows]
     trusted = filters.gate(speed, threshold)
