@@ -1,6 +1,5 @@
 """Logs: schema, readers and writers, column maps, differentiation."""
 
-from wbc.measurement.clocks import cut_at_gaps as cut_at_gaps
 from wbc.measurement.column_map import (
     merged as merged,
     parse_column_map as parse_column_map,
@@ -20,5 +19,6 @@ from wbc.measurement.log import (
     LogFinding as LogFinding,
     LogSource as LogSource,
     Machine as Machine,
+    cut_at_gaps as cut_at_gaps,
 )
 from wbc.measurement.read import load_log as load_log, load_logs as load_logs, mended as mended

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
@@ -10,10 +9,10 @@ from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import LogError
-from wbc.measurement.clocks import CUT_FROM, GAP_STEPS, cut_at_gaps, gaps, too_short
+from wbc.measurement.clocks import GAP_STEPS, gaps
 from wbc.measurement.column_map import Mend, say_so
 from wbc.measurement.filters import WELL_CORRELATED, residual_noise, velocity_fits
-from wbc.measurement.log import Log, LogFinding
+from wbc.measurement.log import CUT_FROM, Log, LogFinding, cut_at_gaps, too_short
 from wbc.measurement.schema import split_column
 from wbc.tables import few
 
@@ -30,7 +29,12 @@ def check_alone(log: Log, said: Collection[str]) -> Iterator[LogFinding]:
     """
     resting = resting_joints(log)
     yield from _check_clock(log)
-    yield from _check_rest(log, resting)
+    for name in sorted(f"{joint}.position" for joint in resting):
+        place = log.column(name)
+        text = f"the joint stands still (within {np.ptp(place):.2g} of {place.mean():.4g})."
+        way = "This log tells nothing of the joint but a static torque: move it in another log, or "
+        way += "lock it in the robot."
+        yield LogFinding("warning", "constant_joint", name, text, way)
     yield from _check_channels(log, resting)
     yield from _check_stuck(log, resting)
     yield from _check_velocities(log, {*said, *resting}) if "time" not in said else ()
@@ -42,12 +46,11 @@ def check_reading(log: Log, said: Sequence[LogFinding]) -> Iterator[LogFinding]:
     alike: dict[str, list[str]] = {}
     for column, text in log.source.unusable.items():
         alike.setdefault(text.replace(column, "*"), []).append(column)
-    for columns in alike.values():
+    for columns in () if any(finding.kind == "missing" for finding in said) else alike.values():
         text = log.source.unusable[columns[0]]
         if len(columns) > 1:
             text += f" The same rows lack {', '.join(columns[1:])}."
-        if not any(finding.kind == "missing" for finding in said):
-            yield LogFinding("warning", "missing", ", ".join(columns), text, "")
+        yield LogFinding("warning", "missing", ", ".join(columns), text, "")
     told = "".join(finding.way_out for finding in said)
     ignored = [name for name in log.source.ignored if f"'{name}'" not in told]
     if ignored:
@@ -100,20 +103,17 @@ def _check_velocities(log: Log, said: Collection[str]) -> Iterator[LogFinding]:
             text = f"its integral and the position correlate by {fit.correlation:.2f} only."
             way = "Check that both belong to one joint; leave the velocity out if it is noise."
             yield LogFinding("warning", "velocity_unrelated", name, text, way)
-        if not fit.late(log.sample_time):  # none is that correlates badly
-            continue
-        aligned: Mend = {"time": {"align_velocity": True}}
-        way = f"To take it out, {say_so(aligned)}\nTo use the position instead, " + say_so(
-            {"columns": {name: False}}
-        )
-        if fit.filtered:
-            kind = "velocity_filtered"
-            text = f"it has gone through a low-pass with a time constant of {late:.1f} ms."
-        else:
+        if fit.late(log.sample_time):  # none is that correlates badly
             kind, side = "clock_lag", "behind" if late > 0.0 else "ahead of"
             samples = abs(fit.delay) / log.sample_time
             text = f"{abs(late):.2f} ms ({samples:.1f} samples) {side} the position."
-        yield LogFinding("warning", kind, name, text, way, aligned)
+            if fit.filtered:
+                kind = "velocity_filtered"
+                text = f"it has gone through a low-pass with a time constant of {late:.1f} ms."
+            mend: Mend = {"time": {"align_velocity": True}}
+            way = f"To take it out, {say_so(mend)}\nTo use the position instead, "
+            way += say_so({"columns": {name: False}})
+            yield LogFinding("warning", kind, name, text, way, mend)
 
 
 def check_set(logs: Sequence[Log]) -> Iterator[LogFinding]:
@@ -132,11 +132,8 @@ def check_set(logs: Sequence[Log]) -> Iterator[LogFinding]:
             )
             way = "Logs given together must be of one robot."
             yield LogFinding("error", "joints_differ", "", text, way)
-        elif odd := sorted({*first.names} ^ {*log.names}):
-            text = (
-                f"{log.source.label} and {first.source.label} differ in the channels "
-                f"{', '.join(odd)}."
-            )
+        elif odd := ", ".join(sorted({*first.names} ^ {*log.names})):
+            text = f"{log.source.label} and {first.source.label} differ in the channels {odd}."
             way = "Only channels that all logs have are used together."
             yield LogFinding("warning", "channels_differ", "", text, way)
     slow, fast = (pick(logs, key=lambda log: log.sample_time) for pick in (max, min))
@@ -175,15 +172,14 @@ def _check_channels(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
         if quantity not in _MEASURED or (joint in resting and quantity in _MOTION):
             continue
         if values[0] == values[-1] and np.ptp(values) == 0.0:
+            kind, text = "constant_channel", "zero" if values[0] == 0.0 else f"{values[0]:g}"
+            text, way = f"{text} throughout.", "Fine for an unpowered joint; otherwise the channel "
+            way += "is not connected."
             if quantity == "position":
+                kind, way = "constant_joint", "The channel is not connected."
                 text = f"{values[0]:g} throughout, while the velocity changes."
-                way = "The channel is not connected."
-                yield LogFinding("warning", "constant_joint", name, text, way)
-                continue
-            text = "zero throughout." if values[0] == 0.0 else f"{values[0]:g} throughout."
-            way = "Fine for an unpowered joint; otherwise the channel is not connected."
             idle = quantity in _ACTUATION and values[0] == 0.0
-            yield LogFinding("info" if idle else "warning", "constant_channel", name, text, way)
+            yield LogFinding("info" if idle else "warning", kind, name, text, way)
             continue
         step, spread = resolution(values), float(np.std(values))
         if step > _COARSE_SHARE * spread and joint not in resting:
@@ -195,8 +191,7 @@ def _check_channels(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
         known = log.has(f"{joint}.position") and not full
         position = log.column(f"{joint}.position") if known else None
         low, high, share, runs = plateau(values, position)
-        cut = share >= _SATURATED_SHARE and (runs >= 3 or full)
-        if quantity in _ACTUATION and cut:
+        if quantity in _ACTUATION and share >= _SATURATED_SHARE and (runs >= 3 or full):
             text = f"{100.0 * share:.1f} % of the samples sit at an extreme ({low:g} or {high:g})."
             way = "The drive or its sensor is at its limit: what it really did there is unknown. "
             way += "Leave those times out, or excite less."
@@ -210,16 +205,6 @@ def resting_joints(log: Log) -> frozenset[str]:
     strays by a constant offset, by the random walk of its noise and by its rounding.
     """
     return frozenset(joint for joint in log.with_quantity("position") if not _moves(log, joint))
-
-
-def _check_rest(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
-    """Yield a finding for each joint that stands still, in place of those about its channels."""
-    way = "This log tells nothing of the joint but a static torque: move it in another log, or "
-    way += "lock it in the robot."
-    for name in sorted(f"{joint}.position" for joint in resting):
-        place = log.column(name)
-        text = f"the joint stands still (within {np.ptp(place):.2g} of {place.mean():.4g})."
-        yield LogFinding("warning", "constant_joint", name, text, way)
 
 
 def _moves(log: Log, joint: str) -> bool:
@@ -266,13 +251,16 @@ def _check_stuck(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
         log: the log.
         resting: joints that stand still throughout; nothing of theirs is lost.
     """
-    held = [joint for joint in log.with_quantity("position") if log.has(f"{joint}.velocity")]
-    for joint in (joint for joint in held if joint not in resting):
+    for joint in log.with_quantity("position"):
         names = [f"{joint}.position", f"{joint}.velocity"]
-        position, velocity = map(log.column, names)
-        if np.ptp(position) == 0.0 or np.ptp(velocity) == 0.0:
+        held = [] if joint in resting or not log.has(*names) else [*map(log.column, names)]
+        if not held or not all(map(np.ptp, held)):
             continue
-        for name, values in zip(names, (position, velocity), strict=True):
+        position, velocity = held
+        # What the velocity shows at rest, by the rows outside those that are held.
+        steps = np.diff(log.time)
+        strays = 0.5 * (velocity[1:] + velocity[:-1]) * steps - np.diff(position)
+        for name, values in zip(names, held, strict=True):
             starts, ends = true_runs(np.diff(values) == 0.0)
             length = int(np.max(ends - starts, initial=0))
             start = int(starts[np.argmax(ends - starts)]) if length else 0
@@ -283,8 +271,9 @@ def _check_stuck(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
             rows, stop = slice(start + length // 2, start + length + 1), start + length + 1
             moved = abs(float(position[stop - 1] - position[rows.start]))
             passed = log.time[rows][-1] - log.time[rows][0]
-            drift = _zero(log.time, position, velocity, slice(start, stop)) * passed
-            seen = abs(moved - abs(float(trapezoid(velocity[rows], log.time[rows])) - drift))
+            others = np.delete(np.arange(steps.size), slice(start, stop))
+            zero = strays[others].sum() / max(float(steps[others].sum()), 1e-300) * passed
+            seen = abs(moved - abs(float(trapezoid(velocity[rows], log.time[rows])) - zero))
             jump = abs(float(values[stop] - values[stop - 1])) if stop < len(log) else 0.0
             least = max(seen if values is position else 0.1 * np.ptp(velocity), 5.0 * _step(values))
             known = values is velocity or seen > 2.0 * _step(position)
@@ -293,14 +282,6 @@ def _check_stuck(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
                 text = f"one value for {seconds:.3f} s from {log.time[start]:.3f} s on, while the "
                 way = "The sensor or its link dropped out: leave that time out (log.between)."
                 yield LogFinding("error", "stuck", name, f"{text}joint moves.", way)
-
-
-def _zero(time: FloatArray, position: FloatArray, velocity: FloatArray, held: slice) -> float:
-    """Return what a velocity shows at rest, by the rows outside those that are held."""
-    steps = np.diff(time)
-    strays = 0.5 * (velocity[1:] + velocity[:-1]) * steps - np.diff(position)
-    rest = steps.sum() - steps[held].sum()
-    return float((strays.sum() - strays[held].sum()) / rest) if rest > 0.0 else 0.0
 
 
 def _step(values: FloatArray) -> float:
@@ -354,19 +335,15 @@ def plateau(
         position: (N,) of the joint, None if it is not known.
     """
     low, high = float(values.min()), float(values.max())
-    share, runs = 0.0, 0
     # What a joint at rest may seem to travel: its resolution, a thousandth of its range.
     least = 0.0 if position is None else max(2.0 * resolution(position), 1e-3 * np.ptp(position))
-    for extreme in {low, high} - {0.0}:
-        starts, ends = true_runs(values == extreme)
-        for start, end in zip(starts, ends, strict=True):
-            if end - start < 3 or (
-                position is not None and np.ptp(position[start + 1 : end]) <= least
-            ):
-                continue
-            share += float(end - start) / values.size
-            runs += 1
-    return low, high, share, runs
+    lengths = [
+        end - start
+        for extreme in {low, high} - {0.0}
+        for start, end in zip(*true_runs(values == extreme), strict=True)
+        if end - start >= 3 and (position is None or np.ptp(position[start + 1 : end]) > least)
+    ]
+    return low, high, float(sum(lengths)) / values.size, len(lengths)
 
 
 _REPEATS = 0.05  # largest rms distance of two positions, relative to their motion, of repeats
@@ -390,12 +367,9 @@ def find_repeats(logs: Sequence[Log]) -> tuple[tuple[int, ...], ...]:
     copies = {k for group in find_duplicates(logs) for k in group[1:]}
     groups: list[list[int]] = []
     for k, log in enumerate(logs):
-        if k in copies:
-            continue
-        home = next((g for g in groups if _same_excitation(logs[g[0]], log)), None)
-        if home is None:
-            groups.append([k])
-        else:
+        if k not in copies:
+            home = next((g for g in groups if _same_excitation(logs[g[0]], log)), [])
+            groups += [] if home else [home]
             home.append(k)
     return tuple(tuple(group) for group in groups if len(group) > 1)
 
@@ -405,15 +379,12 @@ def find_duplicates(logs: Sequence[Log]) -> tuple[tuple[int, ...], ...]:
 
     The same file counts, and so does the same data in other files (time counted from the start).
     """
-    seen: dict[str, list[int]] = {}
+    seen: dict[tuple[tuple[str, bytes], ...], list[int]] = {}
     for k, log in enumerate(logs):
-        total = hashlib.sha256()
-        for name in sorted(log.names):
-            total.update(name.encode("utf-8"))
-            # Nine decimals, so that another file format changes nothing.
-            total.update(np.round(log.column(name), 9).tobytes())
-        total.update(np.round(log.time - log.time[0], 6).tobytes())
-        seen.setdefault(total.hexdigest(), []).append(k)
+        # Nine decimals, so that another file format changes nothing.
+        held = {name: np.round(values, 9) for name, values in sorted(log.columns.items())}
+        held |= {"": np.round(log.time - log.time[0], 6)}
+        seen.setdefault(tuple((name, v.tobytes()) for name, v in held.items()), []).append(k)
     return tuple(tuple(group) for group in seen.values() if len(group) > 1)
 
 
@@ -422,17 +393,16 @@ def _same_excitation(a: Log, b: Log) -> bool:
     rates = [a.duration / b.duration, a.sample_time / b.sample_time]
     if names != _motions(b) or max(abs(ratio - 1.0) for ratio in rates) > 0.01:
         return False
-    moved = 0
+    moved = False
     for name in names:
         first = a.column(name)
         second = np.interp(a.time - a.time[0], b.time - b.time[0], b.column(name))
-        motion, noise = float(np.std(first)), residual_noise(a.time, first)
+        motion, noise = float(np.std(first)), _NOISE_ALLOWANCE * residual_noise(a.time, first)
         # A joint that stands still repeats its place within the noise of its sensor.
-        most = _REPEATS * motion + _NOISE_ALLOWANCE * noise
-        if float(np.sqrt(np.mean((first - second) ** 2))) > most:
+        if float(np.sqrt(np.mean((first - second) ** 2))) > _REPEATS * motion + noise:
             return False
-        moved += motion > _NOISE_ALLOWANCE * noise
-    return moved > 0
+        moved |= motion > noise
+    return moved
 
 
 def _motions(log: Log) -> list[str]:

@@ -40,7 +40,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fnmatch import translate
 from math import inf, isfinite
@@ -52,22 +52,12 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import LogError, require_known
 from wbc.files import SCHEMA, load_table, write_text
-from wbc.measurement.schema import (
-    LOG_UNITS,
-    TIME,
-    column_units,
-    named_unit,
-    not_a_column,
-    split_column,
-    today,
-    unit_factor,
-)
+from wbc.measurement import schema
 
 Mend: TypeAlias = Mapping[str, Any]
 """A map as a table. Its sources are channels of the log as it was read where it mends a log, for
 example `{"columns": {"hip.velocity": {"sign": -1}}}`."""
 
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
 ENCODER_RATES = {
     "position": "",
     "velocity": "/s",
@@ -76,9 +66,11 @@ ENCODER_RATES = {
     "target_velocity": "/s",
 }
 """Quantities that turn with the encoder of a joint -> what their unit has more than its."""
-_MISSING = ("when_needed", "drop_rows", "bridge")
-SECTIONS = ("rows", "time", "columns", "trusted")
-_SIDES = ("rotor", "motor", "joint")
+_SECTIONS: Mapping[str, Any] = {
+    **{"rows": {"split": "log"}, "time": {"from": "t"}, "columns": {"hip.position": "q1"}},
+    "trusted": True,
+}
+SECTIONS = tuple(_SECTIONS)
 _POWERS = {
     **dict.fromkeys(ENCODER_RATES, -1),
     **dict.fromkeys(("rotor_position", "rotor_velocity", "rotor_torque"), 0),
@@ -86,6 +78,59 @@ _POWERS = {
 }
 """Quantity of a log -> power of N by which a value on the rotor becomes it: psi = phi / N and
 motor torque = N rotor torque."""
+
+
+_RULE: Mapping[str, Any] = {
+    **{"from": ["q1"], "unit": "deg", "scale": 0.5, "sign": -1.0, "weights": [1.0], "offset": 0.5},
+    **{"side": ("rotor", "motor", "joint"), "gear_ratio": [20.0], "unwrap": 360.0, "sign_bit": 15},
+    **{"lag": 0.01, "empty": 0.0, "missing": ("when_needed", "drop_rows", "bridge")},
+}
+_TIME: Mapping[str, Any] = {
+    **{"from": "t", "unit": "ms", "rate": 1000.0, "offset": 0.5, "align_velocity": True},
+    "repeated": ("error", "first", "spread"),
+}
+_ROWS: Mapping[str, Any] = {
+    **{"split": "log", "where": {"log": "A.0/*"}, "topic": "/joint_states", "header": ["time"]},
+    "between": [0.0, 10.0],
+}
+"""Key of a section -> what may stand there: a value like this one, or like those of the list, or
+one of the words."""
+
+
+def _checked(
+    table: Mapping[str, Any], keys: Mapping[str, Any], place: str, kind: str = "key"
+) -> dict[str, Any]:
+    """Return a table after checking that its keys are known and their values fit."""
+    for key, value in table.items():
+        require_known(LogError, kind, key, keys, place)
+        if not _fits(value, like := keys[key]):
+            said = f"one of {', '.join(like)}" if isinstance(like, tuple) else ""
+            said = said or _EXPECTED.get(type(like)) or f"a value such as {like!r}"
+            own = f"{place}.{key}" if kind == "key" else f"{place}: {key}"
+            if isinstance(like, dict):
+                example = lines({key: like})[0]
+                raise LogError(f"{own}: a table is expected, such as {example}.")
+            raise LogError(f"{own}: {said} is expected, got {value!r}.")
+    return dict(table)
+
+
+_EXPECTED = {str: "a text", float: "a finite number", bool: "true or false"}
+
+
+def _fits(value: Any, like: Any) -> bool:
+    """Whether a value of a map is of the kind of another one; see `_RULE`."""
+    if isinstance(like, tuple):
+        return value in like
+    if isinstance(like, list):
+        return all(_fits(one, like[0]) for one in _listed(value)) and value != []
+    if isinstance(like, float):
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        return number and isfinite(value)
+    return isinstance(value, Mapping if isinstance(like, dict) else type(like))
+
+
+def _listed(value: Any) -> tuple[Any, ...]:
+    return tuple(value) if isinstance(value, list) else (value,)
 
 
 @dataclass(frozen=True)
@@ -117,27 +162,27 @@ class ColumnRule:
     missing: str = "when_needed"
 
     def value(self, sources: Mapping[str, FloatArray]) -> FloatArray:
-        """Return the channel, (N,), from the foreign columns, each (N,)."""
-        total = np.zeros_like(sources[self.sources[0]])
-        for factor, source in zip(self.factors, self.sources, strict=True):
-            total = total + factor * self._counted(sources[source])
-        return np.asarray(total + self.offset)
+        """Return the channel, (N,), from the foreign columns, each (N,).
 
-    def _counted(self, values: FloatArray) -> FloatArray:
-        """Return a source without its empty cells (NaN), its bit of sign and its jumps."""
-        if self.empty is not None:
-            values = np.where(values == self.empty, np.nan, values)
-        if self.sign_bit:
-            limit = float(1 << self.sign_bit)
-            values = np.where(values >= limit, limit - values, values)
-        if self.unwrap > 0.0:
+        Cells that are empty become NaN, the bit of a sign becomes a sign, and jumps are undone.
+        """
+        total: FloatArray | float = self.offset
+        for factor, name in zip(self.factors, self.sources, strict=True):
+            values = sources[name]
+            if self.empty is not None:
+                values = np.where(values == self.empty, np.nan, values)
+            if self.sign_bit:
+                limit = float(1 << self.sign_bit)
+                values = np.where(values >= limit, limit - values, values)
             known = np.isfinite(values)
-            values = values.copy()
-            values[known] = np.unwrap(values[known], period=self.unwrap)
-            # Whole periods are free: the motion lies about zero, wherever the first row fell.
-            middle = 0.5 * (np.nanmin(values) + np.nanmax(values)) if known.any() else 0.0
-            values -= self.unwrap * np.round(middle / self.unwrap)
-        return values
+            if self.unwrap > 0.0 and known.any():
+                values = values.copy()
+                values[known] = np.unwrap(values[known], period=self.unwrap)
+                # Whole periods are free: the motion lies about zero, wherever the first row fell.
+                middle = 0.5 * (np.nanmin(values) + np.nanmax(values))
+                values -= self.unwrap * np.round(middle / self.unwrap)
+            total = total + factor * values
+        return np.asarray(total)
 
 
 def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float]) -> ColumnRule:
@@ -153,131 +198,57 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
     Raises:
         LogError: a key, name, unit, side or number that does not fit.
     """
-    target = today(target)
-    units = column_units(target)
-    parts = split_column(target)
+    target = schema.today(target)
+    units = schema.column_units(target)
+    parts = schema.split_column(target)
     if units is None or parts is None:
         above = target.partition(".")[0] in SECTIONS
         hint = " Lines of other sections stand above the first [heading]." if above else ""
-        raise LogError(f"{place}: {not_a_column(target)}{hint}")
-    said = _section(_as_table(entry), _RULE, place)
+        raise LogError(f"{place}: {schema.not_a_column(target)}{hint}")
+    said = _checked(_as_table(entry), _RULE, place)
     sources = _listed(said.pop("from", target))
     factor = said.pop("scale", 1.0) * said.pop("sign", 1.0)
     if factor == 0.0:
         raise LogError(f"{place}: scale and sign must not be 0.")
     if "unit" in said:
-        factor *= unit_factor(said.pop("unit"), units, f"{place}.unit")
-    weights = _per_source(said.pop("weights", 1.0), len(sources), f"{place}.weights")
-    side, gear_ratio = said.pop("side", ""), said.pop("gear_ratio", None)
-    sides = np.ones(len(sources))
+        factor *= schema.unit_factor(said.pop("unit"), units, f"{place}.unit")
+    numbers = factor * _per_source(said.pop("weights", 1.0), len(sources), f"{place}.weights")
+    side, gears = said.pop("side", ""), said.pop("gear_ratio", ratios.get(parts[0]))
     if side:
-        given = ratios.get(parts[0]) if gear_ratio is None else gear_ratio
-        gears = _per_source(given, len(sources), f"{place}.gear_ratio")
-        sides = np.array([_side_factor(side, parts[1], N, place) for N in gears])
-    elif gear_ratio is not None:
+        numbers *= _to_side(side, parts[1], gears, len(sources), place)
+    elif "gear_ratio" in entry:
         raise LogError(f"{place}: gear_ratio without side; add side = rotor, motor or joint.")
-    factors = tuple(float(f) for f in factor * np.asarray(weights) * sides)
-    return ColumnRule(target, sources, factors, **said)
+    return ColumnRule(target, sources, tuple(map(float, numbers)), **said)
 
 
-Key: TypeAlias = tuple[Callable[[Any], bool], str]
-"""Whether a value fits a key of a map, and what is expected there."""
+def _per_source(given: Any, count: int, place: str) -> FloatArray:
+    """Return a number for each of some columns, (count,); one number is that of all."""
+    numbers = np.array(_listed(given), dtype=np.float64)
+    if numbers.size != count and isinstance(given, list):
+        raise LogError(f"{place}: {numbers.size} numbers for {count} foreign columns.")
+    return np.resize(numbers, count)
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and bool(isfinite(value))
+def _to_side(side: str, quantity: str, gears: Any, count: int, place: str) -> FloatArray:
+    """Return by what to multiply values (count,) on a side of gears to get a quantity of a log.
 
-
-def _is_list(value: Any, of: Callable[[Any], bool] = _is_number) -> bool:
-    return isinstance(value, list) and bool(value) and all(map(of, value))
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
-
-
-def _one_of(*words: str) -> Key:
-    return lambda value: value in words, f"one of {', '.join(words)} is expected"
-
-
-_TEXT: Key = _is_text, "a text is expected"
-_NUMBER: Key = _is_number, "a finite number is expected"
-_FLAG: Key = lambda value: isinstance(value, bool), "true or false is expected"
-_NAMES: Key = (
-    lambda value: _is_text(value) or _is_list(value, _is_text),
-    "the name of a foreign column is needed, or a list of names",
-)
-_NUMBERS: Key = lambda value: _is_number(value) or _is_list(value), "numbers are expected"
-_PATTERNS: Key = (
-    lambda value: isinstance(value, Mapping) and all(map(_is_text, value.values())),
-    "a table of column = pattern is expected",
-)
-_SPAN: Key = (
-    lambda value: _is_list(value) and len(value) == 2 and value[0] < value[1],
-    "[first, last] in seconds is expected",
-)
-_RULE: Mapping[str, Key] = {
-    **{"from": _NAMES, "unit": _TEXT, "scale": _NUMBER, "sign": _NUMBER, "offset": _NUMBER},
-    **{"weights": _NUMBERS, "side": _one_of(*_SIDES), "gear_ratio": _NUMBERS, "unwrap": _NUMBER},
-    **{"sign_bit": (lambda value: isinstance(value, int), "the number of a bit is expected")},
-    **{"lag": _NUMBER, "empty": _NUMBER, "missing": _one_of(*_MISSING)},
-}
-_TIME: Mapping[str, Key] = {
-    **{"from": _TEXT, "unit": _TEXT, "rate": _NUMBER, "offset": _NUMBER},
-    **{"repeated": _one_of("error", "first", "spread"), "align_velocity": _FLAG},
-}
-_ROWS: Mapping[str, Key] = {
-    **{"split": _TEXT, "where": _PATTERNS, "between": _SPAN, "topic": _TEXT, "header": _NAMES}
-}
-
-
-def _section(table: Any, keys: Mapping[str, Key], place: str, example: str = "") -> dict[str, Any]:
-    """Return a table after checking that its keys are known and their values fit."""
-    if not isinstance(table, Mapping):
-        raise LogError(f"{place}: a table is expected, such as {example}.")
-    for key, value in table.items():
-        require_known(LogError, "key", key, keys, place)
-        fits, expected = keys[key]
-        if not fits(value):
-            raise LogError(f"{place}.{key}: {expected}, got {value!r}.")
-    return dict(table)
-
-
-def _listed(value: Any) -> tuple[Any, ...]:
-    return tuple(value) if isinstance(value, list) else (value,)
-
-
-def _per_source(value: Any, count: int, place: str) -> list[float]:
-    """Return a number for each of some columns; one number is that of all."""
-    if value is None:
-        raise LogError(
-            f"{place}: side needs the gear ratio; add gear_ratio = N, or load with the robot whose "
-            "gears are meant."
-        )
-    numbers = value if isinstance(value, list) else [value] * count
-    if len(numbers) != count:
-        raise LogError(f"{place}: {len(numbers)} numbers for {count} foreign columns.")
-    if place.endswith("gear_ratio") and 0.0 in numbers:
-        raise LogError(f"{place}: a ratio of 0 is no gear.")
-    return numbers
-
-
-def _side_factor(side: str, quantity: str, gear_ratio: float, place: str) -> float:
-    """Return by what to multiply a value on `side` to get `quantity` of a log.
-
-    `motor` and `joint` are one side here: where a topology D mixes motors into joints, name the
-    columns of all of them with `weights`.
-
-    Raises:
-        LogError: a quantity for which a side means nothing.
+    Motor and joint are one side: where D mixes motors into joints, weights name all of them.
     """
+    if gears is None:
+        raise LogError(
+            f"{place}.gear_ratio: side needs the gear ratio; add gear_ratio = N, or load with the "
+            "robot whose gears are meant."
+        )
+    numbers = _per_source(gears, count, f"{place}.gear_ratio")
+    if not numbers.all():
+        raise LogError(f"{place}.gear_ratio: a ratio of 0 is no gear.")
     if quantity not in _POWERS:
         raise LogError(
             f"{place}.side: a {quantity} has no side of the gear; leave the key out (use scale for "
             "a plain factor)."
         )
-    behind = -1 if quantity.endswith("torque") else 1
-    return float(gear_ratio ** (_POWERS[quantity] + (0 if side == "rotor" else behind)))
+    behind = 0 if side == "rotor" else -1 if quantity.endswith("torque") else 1
+    return np.asarray(numbers ** (_POWERS[quantity] + behind))
 
 
 @dataclass(frozen=True)
@@ -294,25 +265,12 @@ class TimeRule:
         align_velocity: whether the delay of the velocities is taken out (see `align_velocity`).
     """
 
-    source: str = TIME
+    source: str = schema.TIME
     factor: float = 1.0
     rate: float = 0.0
     offset: float = 0.0
     repeated: str = "error"
     align_velocity: bool = False
-
-
-def parse_time(table: Any, place: str) -> TimeRule:
-    """Return the time rule that the section [time] of a map states.
-
-    Raises:
-        LogError: a key, unit or number that does not fit.
-    """
-    said = _section(table, _TIME, place, 'time.from = "t"')
-    if "rate" in said and ("from" in said or said["rate"] <= 0.0):
-        raise LogError(f"{place}: give either from, or a rate above 0 [Hz].")
-    factor = unit_factor(said.pop("unit", "s"), ("s",), f"{place}.unit")
-    return TimeRule(said.pop("from", "" if "rate" in said else TIME), factor, **said)
 
 
 @dataclass(frozen=True)
@@ -384,29 +342,31 @@ def parse_column_map(
         LogError: an entry that does not fit; the message names the key.
     """
     label = path or "column map"
-    for key in table:
-        require_known(LogError, "section", key, SECTIONS, label)
-    columns = table.get("columns", {})
-    if not isinstance(columns, Mapping):
-        raise LogError(
-            f'{label}: columns: a table is expected, such as columns."hip.position" = "q1".'
-        )
-    entries = list(column_entries(table, label).items())
-    rows = _section(table.get("rows", {}), _ROWS, f"{label}: rows", 'rows.split = "log"')
+    _checked(table, _SECTIONS, label, "section")
+    rows = _checked(table.get("rows", {}), _ROWS, f"{label}: rows")
     rows |= {"header": _listed(rows["header"])} if "header" in rows else {}
-    trusted = _section({"trusted": table.get("trusted", False)}, {"trusted": _FLAG}, label)
+    where = rows.get("where", {})
+    _checked(where, dict.fromkeys(where, "A.0/*"), f"{label}: rows.where")
+    if "between" in rows and not (len(span := rows["between"]) == 2 and span[0] < span[1]):
+        raise LogError(f"{label}: rows.between: [first, last] in seconds is expected, got {span}.")
+    time = _checked(table.get("time", {}), _TIME, f"{label}: time")
+    if "rate" in time and ("from" in time or time["rate"] <= 0.0):
+        raise LogError(f"{label}: time: give either from, or a rate above 0 [Hz].")
+    factor = schema.unit_factor(time.pop("unit", "s"), ("s",), f"{label}: time.unit")
+    source = time.pop("from", "" if "rate" in time else schema.TIME)
+    entries = column_entries(table, label)
     rules = [
         parse_rule(name, entry, f"{label}: columns.{name}", gear_ratios or {})
-        for name, entry in entries
+        for name, entry in entries.items()
         if entry is not False
     ]
     return ColumnMap(
         rules=tuple(rules),
-        time=parse_time(table.get("time", {}), f"{label}: time"),
+        time=TimeRule(source, factor, **time),
         rows=RowChoice(**rows),
         path=path,
-        left_out=tuple(name for name, entry in entries if entry is False),
-        trusted=trusted["trusted"],
+        left_out=tuple(name for name, entry in entries.items() if entry is False),
+        trusted=table.get("trusted", False),
     )
 
 
@@ -432,12 +392,10 @@ def merged(first: Mend, second: Mend) -> dict[str, Any]:
     """
     result = dict(first)
     for section, content in second.items():
-        if section == "columns":
-            result["columns"] = _columns(column_entries(first), column_entries(second))
-        elif isinstance(content, Mapping):
-            result[section] = {**result.get(section, {}), **content}
-        else:
-            result[section] = content
+        held = first.get(section, {})
+        result[section] = {**held, **content} if isinstance(content, Mapping) else content
+    if "columns" in second:
+        result["columns"] = _columns(column_entries(first), column_entries(second))
     return result
 
 
@@ -446,12 +404,10 @@ def together(mends: Iterable[Mend]) -> dict[str, Any]:
     result: dict[str, Any] = {}
     said: list[tuple[str, str, Any]] = []
     for mend in mends:
-        new = [(s, key, own) for s, content in mend.items() for key, own in content.items()]
-        fresh = [one for one in new if one not in said]
-        said += fresh
-        for section in dict.fromkeys(section for section, _, _ in fresh):
-            once = {key: own for s, key, own in fresh if s == section}
-            result = merged(result, {section: once})
+        for section, content in mend.items():
+            fresh = {key: own for key, own in content.items() if (section, key, own) not in said}
+            said += [(section, key, own) for key, own in fresh.items()]
+            result = merged(result, {section: fresh}) if fresh else result
     return result
 
 
@@ -484,7 +440,7 @@ def _is_rule(name: str, value: Any) -> bool:
     if not isinstance(value, Mapping):
         return False
     known = bool(value) and set(value) <= set(_RULE)
-    return known or split_column(name) is not None or "from" in value
+    return known or schema.split_column(name) is not None or "from" in value
 
 
 def _columns(before: Mapping[str, Any], mend: Mapping[str, Any]) -> dict[str, Any]:
@@ -517,7 +473,7 @@ def _combined(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
             entry[key] = old[key] * new[key]
     if "unwrap" in new and ("unit" in old or "scale" in old):
         # The period is counted in the unit of the file, the mend in that of the log.
-        worth = LOG_UNITS[named_unit(str(old["unit"]))][1] if "unit" in old else 1.0
+        worth = schema.LOG_UNITS[schema.named_unit(str(old["unit"]))][1] if "unit" in old else 1.0
         entry["unwrap"] = float(f"{new['unwrap'] / abs(worth * old.get('scale', 1.0)):.10g}")
     if "sign" in entry and entry["sign"] == 1:
         del entry["sign"]
@@ -559,7 +515,7 @@ def write_map(path: str | Path, table: Mend, comments: Iterable[str] = ()) -> Pa
 
 
 def _key(key: str) -> str:
-    return key if _BARE.fullmatch(key) else _value(key)
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _value(key)
 
 
 def _value(value: Any) -> str:

@@ -9,12 +9,12 @@ from math import log, log2, pi
 from typing import Any
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import expit, logsumexp
 
 from wbc.arrays import FloatArray
 from wbc.measurement.checks import true_runs
 from wbc.measurement.clocks import ENCODER_BITS, PERIODS, gaps, period
-from wbc.measurement.column_map import Mend, parse_column_map, say_so, together
+from wbc.measurement.column_map import ColumnRule, Mend, parse_column_map, say_so, together
 from wbc.measurement.filters import jumps, velocity_fits
 from wbc.measurement.log import LIKELY, Log, LogFinding, listed, severity
 from wbc.measurement.schema import LOG_UNITS, reported
@@ -33,8 +33,25 @@ EVERYWHERE = log(0.02)
 _COUNTS = 100.0  # rad: sixteen turns in whole numbers, which no joint of an arm or leg makes
 COUNTS_OF_A_TURN = {1 << bits: float(f"{2.0 * pi / (1 << bits):.10g}") for bits in ENCODER_BITS}
 """Counts of an encoder in a turn -> what one of them is worth [rad]."""
+_THOUSANDTHS = "position", {"scale": 0.001}
+_ROTOR_IN_RPM = {"side": "rotor", "unit": "rpm"}
 CLOCKS = ("ms", "us", "ns")
 """Units that time stamps may have instead of seconds."""
+
+
+_OF_MOTION: tuple[tuple[str, str, str, Mapping[str, Any]], ...] = (
+    ("degrees", "the position is in degrees", "position", {"unit": "deg"}),
+    ("degrees", "the velocity is in deg/s", "velocity", {"unit": "deg/s"}),
+    ("velocity_unit", "the velocity is in rpm", "velocity", {"unit": "rpm"}),
+    ("velocity_unit", "the velocity is in turns/s", "velocity", {"unit": "turn/s"}),
+    ("degrees", "the position is in turns", "position", {"unit": "turn"}),
+    ("velocity_unit", "the position is in thousandths of the velocity's unit", *_THOUSANDTHS),
+    ("velocity_sign", "position and velocity have opposite signs", "velocity", {"sign": -1}),
+    ("gear_side", "the velocity is that of the rotor", "velocity", {"side": "rotor"}),
+    ("gear_side", "the position is that of the rotor", "position", {"side": "rotor"}),
+    ("gear_side", "the velocity is that of the rotor, in rpm", "velocity", _ROTOR_IN_RPM),
+)
+"""What velocity beside position of a joint shows: kind, clause, quantity and entry of a map."""
 
 
 def of_motion(joint: str, ratio: float, counted: bool) -> Iterator[tuple[str, str, Mend]]:
@@ -45,40 +62,14 @@ def of_motion(joint: str, ratio: float, counted: bool) -> Iterator[tuple[str, st
         ratio: N of its gear, 1 where none is known.
         counted: whether its position holds encoder counts.
     """
-    position, velocity = f"{joint}.position", f"{joint}.velocity"
-    rotor = {"side": "rotor", "gear_ratio": ratio}
-    ways: list[tuple[str, str, str, Mapping[str, Any]]] = [
-        ("degrees", "the position is in degrees", position, {"unit": "deg"}),
-        ("degrees", "the velocity is in deg/s", velocity, {"unit": "deg/s"}),
-        ("velocity_unit", "the velocity is in rpm", velocity, {"unit": "rpm"}),
-        ("velocity_unit", "the velocity is in turns/s", velocity, {"unit": "turn/s"}),
-        ("degrees", "the position is in turns", position, {"unit": "turn"}),
-        (
-            "velocity_unit",
-            "the position is in thousandths of the velocity's unit",
-            position,
-            {"scale": 0.001},
-        ),
-        ("velocity_sign", "position and velocity have opposite signs", velocity, {"sign": -1}),
-    ]
-    if abs(ratio) != 1.0 and np.isfinite(ratio):
-        in_rpm = {**rotor, "unit": "rpm"}
-        ways += [
-            ("gear_side", "the velocity is that of the rotor", velocity, rotor),
-            ("gear_side", "the position is that of the rotor", position, rotor),
-            ("gear_side", "the velocity is that of the rotor, in rpm", velocity, in_rpm),
-        ]
+    for kind, text, quantity, entry in _OF_MOTION:
+        own = {**entry, "gear_ratio": ratio} if kind == "gear_side" else entry
+        if kind != "gear_side" or (abs(ratio) != 1.0 and np.isfinite(ratio)):
+            yield kind, text, {"columns": {f"{joint}.{quantity}": own}}
     for turn, worth in COUNTS_OF_A_TURN.items() if counted else ():
-        ways.append(("counts", f"the position counts {turn} a turn", position, {"scale": worth}))
-    yield from ((kind, text, {"columns": {name: entry}}) for kind, text, name, entry in ways)
+        mend = {"columns": {f"{joint}.position": {"scale": worth}}}
+        yield "counts", f"the position counts {turn} a turn", mend
     yield from (("time_unit", f"the time is in {u}", {"time": {"unit": u}}) for u in CLOCKS)
-
-
-def velocity_ratio(mend: Mend) -> float:
-    """Return velocity over d position / d time of a joint in a log that needs a mend of it."""
-    rules = parse_column_map(mend)
-    factors = {rule.target.rpartition(".")[2]: rule.factors[0] for rule in rules.rules}
-    return factors.get("position", 1.0) / (factors.get("velocity", 1.0) * rules.time.factor)
 
 
 def whole_counts(log: Log) -> list[str]:
@@ -89,57 +80,49 @@ def whole_counts(log: Log) -> list[str]:
 
 
 def wraps(log: Log) -> list[LogFinding]:
-    """Return the positions that jump by their period, or by the bit that holds their sign."""
-    found, degrees, holes = [], False, gaps(log.time)
+    """Return the positions that jump by their period, or by the bit that holds their sign.
 
-    def add(name: str, text: str, entry: Mapping[str, Any], kind: str = "wrap") -> None:
-        found.append(_suspected(kind, name, text, {"columns": {name: entry}}, 1.0))
-
+    Below zero, counts with a sign begin again at 2^bit and grow with the distance from zero.
+    """
+    found, degrees, holes = list[LogFinding](), False, gaps(log.time)
     names = [n for n in log.names if n.endswith((".position", ".rotor_position"))]
     for name in names:
         values = log.column(name)
-        if bit := _sign_bit(values):
-            text = f"counts from {1 << bit} on mirror those below: bit {bit} is a sign."
-            add(name, text, {"sign_bit": bit})
-            continue
         rows, steps = jumps(values)
         # Where samples are missing a joint that moves on jumps without any wrap.
         sampled = ~np.isin(rows, holes)
         rows, sizes = rows[sampled], np.abs(steps[sampled])
-        if not rows.size or np.ptp(sizes) > _SAME_JUMP * sizes.mean():
+        if not rows.size:
             continue
-        turn = float(period(sizes.mean()))
-        degrees |= turn == 360.0
-        entry: dict[str, Any] = {"unwrap": turn or float(sizes.mean())}
-        entry |= {"unit": "deg"} if turn == 360.0 else {}
-        said = f"{rows.size} jumps of {sizes.mean():.6g} ({PERIODS.get(turn, _RESET)}), the first "
-        add(name, f"{said}at row {int(rows[0]) + 1}.", entry)
-        found[-1] = found[-1] if turn else replace(found[-1], mend={})
+        bit = int(log2(max(1.0, values.max())))
+        signed = ColumnRule(name, (name,), (1.0,), sign_bit=bit).value({name: values})
+        if (
+            bit >= 8
+            and values.min() >= 0.0
+            and not (values % 1.0).any()
+            and not jumps(signed)[0].size
+        ):
+            text = f"counts from {1 << bit} on mirror those below: bit {bit} is a sign."
+            found.append(
+                _suspected("wrap", name, text, {"columns": {name: {"sign_bit": bit}}}, 1.0)
+            )
+        elif np.ptp(sizes) <= _SAME_JUMP * (size := float(sizes.mean())):
+            turn = float(period(sizes.mean()))
+            degrees |= turn == 360.0
+            entry = {"unwrap": turn or size, **({"unit": "deg"} if turn == 360.0 else {})}
+            said = (
+                f"{rows.size} jumps of {size:.6g} ({PERIODS.get(turn, _RESET)}), the first at row "
+            )
+            one = _suspected("wrap", name, f"{said}{rows[0] + 1}.", {"columns": {name: entry}}, 1.0)
+            found.append(one if turn else replace(one, mend={}))
     left = {*names} - {finding.column for finding in found} if degrees else set()
     for name in sorted(n for n in left if n.endswith(".position")):
         if float(np.abs(log.column(name)).max()) > 2.0 * pi:
             text = "beyond a turn, beside positions that wrap at 360: in degrees, too."
             # The turn that is nearest to zero, as for the others.
-            add(name, text, {"unit": "deg", "unwrap": 360.0}, "degrees")
+            mend = {"columns": {name: {"unit": "deg", "unwrap": 360.0}}}
+            found.append(_suspected("degrees", name, text, mend, 1.0))
     return found
-
-
-def _sign_bit(values: FloatArray) -> int:
-    """Return the number of the bit that is the sign of counts, 0 where none is.
-
-    Below zero such counts begin again at 2^bit and grow with the distance from zero. Read so, they
-    make no jump.
-    """
-    high = float(values.max())
-    if high < 256.0 or values.min() < 0.0 or np.any(values != np.round(values)):
-        return 0
-    bit = int(log2(high))
-    limit = float(1 << bit)
-    above = values >= limit
-    if not above.any() or above.all() or np.max(values[above]) - limit > 0.9 * limit:
-        return 0
-    steps = np.abs(np.diff(np.where(above, limit - values, values)))
-    return bit if float(steps.max()) < 0.05 * limit else 0
 
 
 def stale_rows(log: Log) -> list[LogFinding]:
@@ -234,54 +217,52 @@ _USUAL_SPEED, _SPEED_SPREAD = 3.0, 1.5
 _SPEED_ROWS = 200
 
 
-def motion_findings(log: Log, ratios: Mapping[str, float]) -> list[LogFinding]:
-    """Return what position, velocity and clock of a log say about each other.
+def motion_findings(logs: Sequence[Log], ratios: Mapping[str, float]) -> list[list[LogFinding]]:
+    """Return for every log what its position, velocity and clock say about each other.
+
+    A mistake that several joints and logs show was made once: its prior counts once, and what they
+    show adds up.
 
     Args:
-        log: the log.
+        logs: the logs.
         ratios: gear ratio N of joints that one motor drives alone; may be empty.
     """
-    shown: dict[tuple[str, str], list[tuple[Mend, str, float, float]]] = {}
-    counted = whole_counts(log)
-    for joint, fit in velocity_fits(log).items():
-        scale = fit.scale
-        if abs(fit.correlation) <= _CORRELATION:
-            continue
-        known = [*of_motion(joint, ratios.get(joint, 1.0), f"{joint}.position" in counted)]
-        densities = [_log_density(scale, velocity_ratio(mend)) for _, _, mend in known]
-        odds = np.array(densities) + EVERYWHERE
-        odd = log_mixture(np.log(abs(scale)), _ODD)
-        stands = np.logaddexp(_log_density(scale, 1.0), odd)
-        best = int(np.argmax(odds))
-        probability = float(np.exp(odds[best] - logsumexp([*odds, stands])))
-        if probability >= LIKELY:
-            kind, said, mend = known[best]
-            shown.setdefault((kind, said), []).append((mend, joint, scale, probability))
-    found = [_contradiction(kind, said, group) for (kind, said), group in shown.items()]
-    probability, unit = slow_clock(log)
-    if probability >= LIKELY and not any(f.kind == "time_unit" for f in found):
-        text = (
-            f"the time stamps are {log.sample_time:g} s apart, too far for the motion of a robot: "
-            f"the time is in {unit}?"
-        )
-        found.append(_suspected("time_unit", "time", text, {"time": {"unit": unit}}, probability))
+    shown: dict[tuple[str, str], list[tuple[int, str, float, Mend, float]]] = {}
+    for k, own in enumerate(logs):
+        counted, timed = whole_counts(own), False
+        for joint, fit in velocity_fits(own).items():
+            if abs(fit.correlation) <= _CORRELATION:
+                continue
+            known = [*of_motion(joint, ratios.get(joint, 1.0), f"{joint}.position" in counted)]
+            odds = EVERYWHERE + np.array([_log_density(fit.scale, m) for *_, m in known])
+            best, odd = int(np.argmax(odds)), log_mixture(np.log(abs(fit.scale)), _ODD)
+            others = [*np.delete(odds, best), _log_density(fit.scale, {}), odd]
+            likely = float(odds[best] - logsumexp(others))
+            if expit(likely) >= LIKELY:
+                kind, said, mend = known[best]
+                timed |= kind == "time_unit"
+                shown.setdefault((kind, said), []).append((k, joint, fit.scale, mend, likely))
+        likely, unit = slow_clock(own)
+        if expit(likely) >= LIKELY and not timed:
+            what = (k, "", 1.0, {"time": {"unit": unit}}, likely)
+            shown.setdefault(("time_unit", f"the time is in {unit}"), []).append(what)
+    found: list[list[LogFinding]] = [[] for _ in logs]
+    for (kind, said), group in shown.items():
+        probability = float(expit(sum(odds - EVERYWHERE for *_, odds in group) + EVERYWHERE))
+        for k in dict.fromkeys(number for number, *_ in group):
+            _, joints, scales, mends, _ = zip(*(one for one in group if one[0] == k), strict=True)
+            text = f"the time stamps are {logs[k].sample_time:g} s apart, too far for the motion"
+            if all(joints):
+                names = listed([f"'{joint}.velocity'" for joint in joints])
+                times = listed([f"{scale:.4g}" for scale in scales])
+                verb = "is" if len(joints) == 1 else "are"
+                text = f"{names} {verb} {times} times the derivative of the position: {said}?"
+            else:
+                text += f" of a robot: {said}?"
+            mend = together(mends)
+            column = next(iter(mend.get("columns", {"time": None})))
+            found[k].append(_suspected(kind, column, text, mend, probability))
     return found
-
-
-def _contradiction(
-    kind: str, said: str, group: Sequence[tuple[Mend, str, float, float]]
-) -> LogFinding:
-    """Return what joints show whose velocity differs from the derivative in one way."""
-    mends, joints, scales, probabilities = zip(*group, strict=True)
-    mend = together(mends)
-    columns = listed([f"'{joint}.velocity'" for joint in joints])
-    text = (
-        f"{columns} {'is' if len(group) == 1 else 'are'} "
-        f"{listed([f'{scale:.4g}' for scale in scales])} times the derivative of the "
-        f"position: {said}?"
-    )
-    column = next(iter(mend.get("columns", {"time": None})))
-    return _suspected(kind, column, text, mend, together_likely(probabilities))
 
 
 def _suspected(kind: str, column: str, text: str, mend: Mend, probability: float) -> LogFinding:
@@ -289,18 +270,8 @@ def _suspected(kind: str, column: str, text: str, mend: Mend, probability: float
     return LogFinding(severity(probability), kind, column, text, way, mend, probability)
 
 
-def together_likely(probabilities: Sequence[float]) -> float:
-    """Return the probability of one mistake that several joints show, each with its own.
-
-    It was made once, so its prior counts once; what the joints show adds up.
-    """
-    shown = np.array([min(p, 1.0 - 1e-15) for p in probabilities])
-    odds = np.sum(np.log(shown / (1.0 - shown)) - EVERYWHERE) + EVERYWHERE
-    return float(1.0 / (1.0 + np.exp(-odds)))
-
-
 def slow_clock(log: Log) -> tuple[float, str]:
-    """Return the probability that the time stamps are no seconds, and the unit that they have.
+    """Return the log odds that the time stamps are no seconds, and the unit that they have.
 
     From their distance, the length of the log and the speed of its fastest joint. Each alone leaves
     it open: a controller may run at 5 kHz, a log may be long, and a joint may creep.
@@ -311,9 +282,7 @@ def slow_clock(log: Log) -> tuple[float, str]:
     fast = (np.log((speed or _USUAL_SPEED) / worth) - np.log(_USUAL_SPEED)) / _SPEED_SPREAD
     odds = -0.5 * (step**2 + length**2 + (fast**2 if speed else 0.0))
     odds[1:] += EVERYWHERE
-    wrong = np.logaddexp.reduce(odds[1:])
-    likely = CLOCKS[int(odds[1:].argmax())]
-    return float(np.exp(wrong - np.logaddexp(odds[0], wrong))), likely
+    return float(logsumexp(odds[1:]) - odds[0]), CLOCKS[int(odds[1:].argmax())]
 
 
 def _fastest(log: Log) -> float:
@@ -327,11 +296,12 @@ def _fastest(log: Log) -> float:
     return float(np.max(moved)) if moved and steps.size else 0.0
 
 
-def _log_density(scale: float, factor: float) -> float:
-    """Return the log density of a ratio if a factor is what makes it."""
-    if scale * factor <= 0.0:
-        return -np.inf
-    return float(log_mixture(np.log(scale / factor), _RATIO_SPREADS))
+def _log_density(scale: float, mend: Mend) -> float:
+    """Return the log density of velocity over d position / d time in a log that needs a mend."""
+    rules = parse_column_map(mend)
+    by = {rule.target.rpartition(".")[2]: rule.factors[0] for rule in rules.rules}
+    right = scale * by.get("velocity", 1.0) * rules.time.factor / by.get("position", 1.0)
+    return float(log_mixture(np.log(right), _RATIO_SPREADS)) if right > 0.0 else -np.inf
 
 
 def log_mixture(away: FloatArray, parts: Iterable[tuple[float, float]]) -> FloatArray:

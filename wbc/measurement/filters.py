@@ -232,61 +232,54 @@ def fit_velocity(
         None where nothing moves.
     """
     integral = cumulative_trapezoid(velocity, time, initial=0.0)
-    whole = _regress(time, position, velocity, integral)
+    whole = _regress(time, position, integral, velocity)
     if whole is None:
         return None
-    inverse, lag, correlation, residual = whole
+    (inverse, late), correlation, residual = whole
+    if abs(late) > _LONGEST_DELAY * (time[-1] - time[0]) * abs(inverse):
+        # No delay, but a channel that resembles the position itself.
+        alone = _regress(time, position, integral)
+        return VelocityFit(1.0, 0.0, np.inf, alone[1] if alone else 0.0, False)
+    lag, delays = float(late / inverse), []
     size = max(_BLOCK_ROWS, time.size // _BLOCKS)
-    pieces = [slice(k, k + size) for k in range(0, time.size - size + 1, size)]
-    delays = [
-        part[1]
-        for rows in pieces
-        if (part := _regress(time[rows], position[rows], velocity[rows], integral[rows]))
-        and part[2] > 0.9
-    ]
+    for k in range(0, time.size - size + 1, size):
+        part = _regress(*(x[k : k + size] for x in (time, position, integral, velocity)))
+        longest = _LONGEST_DELAY * (time[k + size - 1] - time[k])
+        if part and part[1] > 0.9 and abs(part[0][1]) <= longest * abs(part[0][0]):
+            delays.append(part[0][1] / part[0][0])
     spread = np.inf
     if len(delays) >= 3:
         lag = float(np.median(delays))
         spread = float(1.4826 * np.median(np.abs(np.array(delays) - lag)) / np.sqrt(len(delays)))
     filtered = False
     if lag > _FILTER_SAMPLES * float(np.median(np.diff(time))):
-        shifted = np.interp(time + lag, time, integral)
         inside = time + lag <= time[-1]
-        filtered = residual < 0.5 * _misfit(time[inside], position[inside], shifted[inside])
-    return VelocityFit(1.0 / inverse, lag, spread, correlation, filtered)
-
-
-def _detrended(time: FloatArray, signals: FloatArray) -> FloatArray:
-    """Return signals (N, n) without their best straight lines."""
-    basis, _ = np.linalg.qr(np.stack([np.ones_like(time), time - time.mean()], axis=1))
-    return np.asarray(signals - basis @ (basis.T @ signals))
-
-
-def _misfit(time: FloatArray, position: FloatArray, shifted: FloatArray) -> float:
-    """Return the rms residual of a position against one signal, straight lines removed."""
-    if time.size < _BLOCK_ROWS:
-        return 0.0
-    q, s = _detrended(time, np.stack([position, shifted], axis=1)).T
-    return float(np.sqrt(np.mean((q - s * (s @ q) / (s @ s)) ** 2)))
+        delayed = np.interp(time + lag, time, integral)
+        other = _regress(*(x[inside] for x in (time, position, delayed)))
+        filtered = other is not None and residual < 0.5 * other[2]
+    return VelocityFit(float(1.0 / inverse), lag, spread, correlation, filtered)
 
 
 def _regress(
-    time: FloatArray, position: FloatArray, velocity: FloatArray, integral: FloatArray
-) -> tuple[float, float, float, float] | None:
-    """Return (1/k, delay, correlation, rms residual), None where nothing moves."""
-    q, s, v = _detrended(time, np.stack([position, integral, velocity], axis=1)).T
-    if min(float(np.mean(x**2)) for x in (q, s, v)) <= 1e-24:
+    time: FloatArray, position: FloatArray, *signals: FloatArray
+) -> tuple[FloatArray, float, float] | None:
+    """Return (coefficients, correlation, rms residual) of a position in terms of some signals.
+
+    Straight lines are taken out of all. None where nothing moves, or signals are alike; the sign of
+    the correlation is that of the first coefficient.
+    """
+    table = np.stack([position, *signals], axis=1)
+    basis, _ = np.linalg.qr(np.stack([np.ones_like(time), time - time.mean()], axis=1))
+    table = table - basis @ (basis.T @ table)
+    gram = table.T @ table
+    powers, own = np.diag(gram), gram[1:, 1:]
+    if powers.min() <= 1e-24 * time.size or np.linalg.det(own) <= 1e-10 * powers[1:].prod():
         return None
-    gram = np.array([[s @ s, s @ v], [s @ v, v @ v]])
-    if np.linalg.det(gram) <= 1e-10 * gram[0, 0] * gram[1, 1]:
-        return None
-    a, b = np.linalg.solve(gram, np.array([s @ q, v @ q]))
-    rest = q - a * s - b * v
-    correlation = np.sign(a) * np.sqrt(max(0.0, 1.0 - (rest @ rest) / (q @ q)))
-    if abs(b) > _LONGEST_DELAY * (time[-1] - time[0]) * abs(a):
-        # No delay, but a channel that resembles the position itself.
-        return 1.0, 0.0, float((s @ q) / np.sqrt((s @ s) * (q @ q))), 0.0
-    return float(a), float(b / a), float(correlation), float(np.sqrt(np.mean(rest**2)))
+    found = np.linalg.solve(own, gram[1:, 0])
+    rest = table @ np.array([1.0, *-found])
+    left = float(rest @ rest)
+    correlation = float(np.sign(found[0]) * np.sqrt(max(0.0, 1.0 - left / powers[0])))
+    return found, correlation, float(np.sqrt(left / time.size))
 
 
 def velocity_fits(log: Log) -> dict[str, VelocityFit]:

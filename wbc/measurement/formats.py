@@ -95,23 +95,23 @@ def _side_by_side(table: Table) -> Table:
     clock = next(iter(table.clocks), "")
     stamps = np.asarray(table.columns[clock]) if clock else np.arange(2)
     told = any(is_column(name) for name in table.names if name != TIME)
-    for name in table.names if not told and stamps.size > 1 and stamps[0] == stamps[1] else ():
+    others = [name for name in table.names if name != clock]
+    for name in others if not told and stamps.size > 1 and stamps[0] == stamps[1] else ():
         cells = np.asarray(table.columns[name])
         turn = list(dict.fromkeys(cells[:_MOST_TURNS].tolist()))
-        n, kind = len(turn), cells.dtype.kind
-        rows = table.rows - table.rows % max(n, 1)
-        if kind not in "iuOU" or n < 2 or rows <= n or name == clock:
+        n, rows = len(turn), table.rows - table.rows % max(len(turn), 1)
+        if cells.dtype.kind not in "iuOU" or n < 2 or rows <= n:
             continue
         stands = np.array_equal(stamps[:rows], np.repeat(stamps[:rows:n], n))
         if stands and np.array_equal(cells[:rows], np.tile(turn, rows // n)):
-            columns = {clock: stamps[:rows:n]}
-            for other in table.names:
-                if other not in (name, clock):
-                    values = np.asarray(table.columns[other])[:rows]
-                    columns |= {f"{other}_{one}": values[k::n] for k, one in enumerate(turn)}
+            columns, units = {clock: stamps[:rows:n]}, dict(table.units)
+            for other in (one for one in others if one != name):
+                values = np.asarray(table.columns[other])
+                own = {f"{other}_{one}": values[k:rows:n] for k, one in enumerate(turn)}
+                columns |= own
+                units |= dict.fromkeys(own, table.units[other]) if other in table.units else {}
             said = f"rows take turns by {name} ({', '.join(map(str, turn))}): put side by side."
-            units = {f"{n}_{one}": unit for n, unit in table.units.items() for one in turn}
-            return Table(table.path, columns, {**table.units, **units}, (*table.notes, said))
+            return Table(table.path, columns, units, (*table.notes, said))
     return table
 
 
@@ -135,20 +135,17 @@ def _joined(path: Path, first: Table, others: Sequence[Table]) -> Table:
             raise LogError(
                 f"{table.path}: no column looks like a clock, so nothing can be put beside."
             )
-    columns = dict(first.columns)
+    columns, notes = dict(first.columns), list(first.notes)
     time = first.numbers(first.clocks[0])
-    notes = list(first.notes)
     for table in others:
         clock = table.clocks[0]
-        stamps = table.numbers(clock)
-        rows = np.searchsorted(stamps, time, side="right") - 1
-        known = rows >= 0
+        rows = np.searchsorted(table.numbers(clock), time, side="right") - 1
         theirs = [word for word in _words_of(table.path) if word not in _words_of(first.path)]
         prefix = "_".join(theirs) or "other"
         for name in table.names:
             if name != clock and table.holds_numbers(name):
                 values = table.numbers(name)[np.maximum(rows, 0)]
-                columns[f"{prefix}_{name}"] = np.where(known, values, np.nan)
+                columns[f"{prefix}_{name}"] = np.where(rows < 0, np.nan, values)
         notes.append(f"columns of '{table.path.name}' were put beside, by {clock}.")
     return Table(path, columns, first.units, tuple(notes))
 
@@ -199,14 +196,13 @@ def _read_npz(path: Path) -> Table:
     rows = max(set(lengths), key=lengths.count, default=0)
     kept = {}
     for name, array in arrays.items():
-        flat = array[:, 0] if array.ndim == 2 and array.shape[1] == 1 else array
-        turned = flat.T if flat.ndim == 2 and rows == flat.shape[1] != flat.shape[0] else flat
-        if turned.ndim in (1, 2) and len(turned) == rows:
-            kept[name] = turned
-        elif turned.ndim > 2 and len(turned) == rows:
+        turned = array.T if array.ndim == 2 and rows == array.shape[1] != len(array) else array
+        if turned.ndim > 2 and len(turned) == rows:
             raise LogError(
                 f"'{path}': '{name}' has shape {array.shape}, expected (rows,) or (rows, columns)."
             )
+        if turned.ndim and len(turned) == rows:
+            kept[name] = turned[:, 0] if turned.shape[1:] == (1,) else turned
     others = [f"{name} {arrays[name].shape}" for name in arrays if name not in kept]
     notes = [f"arrays without {rows} rows were passed over: {', '.join(others)}."] if others else ()
     return Table(path, columns_of(kept, path), notes=tuple(notes))
@@ -279,32 +275,30 @@ def read_bag(path: Path, topic: str) -> Table:
     rows: list[list[float]] = []
     joints: list[str] = []
     fields: list[str] = []
-    start = 0
+    stamps: list[int] = []
     with _opened(path) as bag:
         chosen = _topic(bag, path, topic)
         wanted = [c for c in bag.connections if c.topic == chosen]
         for connection, received, raw in bag.messages(connections=wanted):
             message = bag.deserialize(raw, connection.msgtype)
             own = message.header.stamp
-            stamp = own.sec * 10**9 + own.nanosec or received
-            if not rows:
-                start, joints = stamp, [*map(str, message.name)]
-                fields = [f for f in _FIELDS if len(getattr(message, f)) == len(joints)]
-            seconds = (stamp - start) * 1e-9
+            stamps.append(own.sec * 10**9 + own.nanosec or received)
             place = {str(name): k for k, name in enumerate(message.name)}
+            joints = joints or [*place]
+            fields = fields or [f for f in _FIELDS if len(getattr(message, f)) == len(joints)]
             missing = [joint for joint in joints if joint not in place]
             if missing or any(len(getattr(message, f)) != len(place) for f in fields):
                 raise LogError(
-                    f"{path}: the message of '{chosen}' at {seconds:.6f} s lacks "
-                    f"{', '.join(missing) or 'values'} of the first message; several publishers "
-                    "share the topic? Record them on topics of their own."
+                    f"{path}: the message of '{chosen}' at {(stamps[-1] - stamps[0]) * 1e-9:.6f} s "
+                    f"lacks {', '.join(missing) or 'values'} of the first message; several "
+                    "publishers share the topic? Record them on topics of their own."
                 )
-            values = [getattr(message, f)[place[joint]] for joint in joints for f in fields]
-            rows.append([seconds, *map(float, values)])
+            rows.append([float(getattr(message, f)[place[j]]) for j in joints for f in fields])
     if not rows:
         raise LogError(f"{path}: topic '{chosen}' holds no message.")
-    names = (TIME, *(f"{joint}.{field}" for joint in joints for field in fields))
-    return Table(path, dict(zip(names, np.asarray(rows).T.copy(), strict=True)))
+    names = [f"{joint}.{field}" for joint in joints for field in fields]
+    time = np.array([stamp - stamps[0] for stamp in stamps]) * 1e-9
+    return Table(path, {TIME: time, **dict(zip(names, np.array(rows).T.copy(), strict=True))})
 
 
 def _topic(bag: Any, path: Path, topic: str) -> str:

@@ -4,18 +4,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from wbc.errors import LogError
-from wbc.measurement.clocks import advancing, repeated_mend, restarts
+from wbc.measurement.clocks import repeated_mend, restarts
 from wbc.measurement.column_map import Mend, merged, parse_column_map
 from wbc.measurement.column_mistakes import mirrored
 from wbc.measurement.formats import open_table
-from wbc.measurement.names import MOTION, asked, channels, guess_name, guess_names_of, joints_of
+from wbc.measurement.log import LogFinding
+from wbc.measurement.names import (
+    MOTION,
+    NameGuess,
+    asked,
+    channels,
+    guess_name,
+    guess_names_of,
+    joints_of,
+)
 from wbc.measurement.read import clock_of, split_path
 from wbc.measurement.schema import REPORTED, TIME, reported, today
 from wbc.measurement.tables import Table
@@ -31,6 +40,8 @@ class MapGuess:
         driven: joints of the robot with a column of torque or current.
         targets: joints with a column of target positions and none of torque.
         unseen: joints without a column of positions; of velocities where no joint has positions.
+        told: how well the rows tell the columns of each joint, see `told_by_rows`.
+        lacking: what the logs lack that a diagnosis needs, and columns that are refused.
     """
 
     table: Mapping[str, Any]
@@ -38,6 +49,8 @@ class MapGuess:
     driven: tuple[str, ...]
     targets: tuple[str, ...] = ()
     unseen: tuple[str, ...] = ()
+    told: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    lacking: tuple[LogFinding, ...] = ()
 
 
 def guess_names(
@@ -61,27 +74,17 @@ def guess_names(
     guesses = sorted(guess_names_of(table.names), key=lambda g: g.rotor and g.quantity in MOTION)
     # A motor on a test bench is often recorded by its speed alone.
     place = next((q for q in MOTION if any(g.quantity == q for g in guesses)), "")
-    said = {g.quantity for g in guesses} - {TIME, ""} if not place else {place}
-    owners = list(dict.fromkeys(g.owner for g in guesses if g.quantity in said))
     if not place and not given.get("columns"):
         raise LogError(
             f"{path}: no column looks like the position or velocity of a joint. There are: "
             f"{', '.join(table.names)}. "
             + asked([g.name for g in guesses if not g.quantity], [f"{j}.position" for j in joints])
         )
-    named = joints_of(owners, joints)
-    named |= _by_cells(table, owners, joints)
-    # What is recorded elsewhere is called otherwise; a joint's name or number tells whose it is.
-    others = list(dict.fromkeys(g.owner for g in guesses if g.quantity in REPORTED))
-    more = joints_of([owner for owner in others if owner not in named], joints)
-    more = {owner: one for owner, one in more.items() if one[1] != "by its place in the file"}
-    guesses.sort(key=lambda guess: guess.owner in more)
-    named |= more
+    named = _joints(table, guesses, place, joints)
     whose = {owner: joint for owner, (joint, _) in named.items()}
     read = [g for g in guesses if table.holds_numbers(g.name)]
     found = channels(read, whose)
-    taken = {entry["from"] for entry in found.values()}
-    used = {guess.owner for guess in read if guess.name in taken}
+    used = {g.owner for g in read if g.name in [entry["from"] for entry in found.values()]}
     reasons = [
         f"{theirs or 'the columns'}: joint {ours}, {why}"
         for theirs, (ours, why) in named.items()
@@ -89,22 +92,23 @@ def guess_names(
     ]
     columns: dict[str, Any] = {n: entry for n, entry in found.items() if entry["from"] != n}
     mapped: dict[str, Any] = {"columns": columns} if columns else {}
-    if "time" not in given:
-        mapped |= _clock(table)
-    mapped = merged(mapped, given)
+    mapped = merged(mapped if "time" in given else mapped | _clock(table), given)
     mapped = merged(mapped, _parts(table, mapped))
     held: dict[str, set[str]] = {joint: set() for joint in whose.values()}
     for name in (*found, *mapped.get("columns", {})):
         joint, _, quantity = today(name).rpartition(".")
         held.setdefault(joint, set()).add(quantity)
-    if refused := _unsigned(table, columns, held):
-        mapped = merged(mapped, {"columns": dict.fromkeys(refused, False)})
+    torques = reported(columns)
+    aimed = all("target_position" in held[name.rpartition(".")[0]] for name in torques)
+    if aimed and mirrored([table.numbers(columns[name]["from"]) for name in torques]):
+        for name in torques:
+            held[name.rpartition(".")[0]] -= set(REPORTED)
+        mapped = merged(mapped, {"columns": dict.fromkeys(torques, False)})
         reasons.append(
-            f"{', '.join(refused)}: left out, magnitudes without sign; the targets make the torque"
+            f"{', '.join(torques)}: left out, magnitudes without sign; the targets make the torque"
         )
     driven = tuple(joint for joint, quantities in held.items() if quantities & set(REPORTED))
-    targets = [joint for joint, quantities in held.items() if "target_position" in quantities]
-    followed = tuple(joint for joint in targets if joint not in driven)
+    followed = tuple(j for j in held if "target_position" in held[j] and j not in driven)
     passive = [joint for joint in held if driven and joint not in (*driven, *followed)]
     if passive:
         reasons.append(f"{', '.join(passive)}: no torque or current, so taken for without a drive")
@@ -112,35 +116,32 @@ def guess_names(
     return MapGuess(mapped, tuple(reasons), driven, followed, unseen)
 
 
-def _by_cells(
-    table: Table, owners: Sequence[str], joints: Sequence[str]
+def _joints(
+    table: Table, guesses: list[NameGuess], place: str, joints: Sequence[str]
 ) -> dict[str, tuple[str, str]]:
-    """Return owner -> (joint, why) where a column of texts names the joint of a number.
+    """Return owner -> (joint, why); guesses of owners of torques alone go behind the others.
 
-    Joint states list their joints by name, often in alphabetical order.
+    A column of texts names the joint of its number: joint states list their joints by name, often
+    in alphabetical order. What is recorded elsewhere is called otherwise; there a joint's name or
+    number tells whose it is.
     """
-    said: dict[str, tuple[str, str]] = {}
+    said = {place} if place else {g.quantity for g in guesses} - {TIME, ""}
+    owners = list(dict.fromkeys(g.owner for g in guesses if g.quantity in said))
+    named = joints_of(owners, joints)
     for name in table.names:
-        cells = set() if not _number(name) or table.holds_numbers(name) else set(table.texts(name))
-        if len(cells) == 1 and (joint := cells.pop()) in joints:
-            said[_number(name)] = (joint, f"by the cells of '{name}'")
-    return {owner: said[_number(owner)] for owner in owners if _number(owner) in said}
+        texts = set() if not _number(name) or table.holds_numbers(name) else {*table.texts(name)}
+        if len(texts) == 1 and (joint := texts.pop()) in joints:
+            own = [owner for owner in owners if _number(owner) == _number(name)]
+            named |= dict.fromkeys(own, (joint, f"by the cells of '{name}'"))
+    others = dict.fromkeys(g.owner for g in guesses if g.quantity in REPORTED)
+    more = joints_of([owner for owner in others if owner not in named], joints)
+    more = {owner: one for owner, one in more.items() if one[1] != "by its place in the file"}
+    guesses.sort(key=lambda guess: guess.owner in more)
+    return named | more
 
 
 def _number(name: str) -> str:
     return next(iter(re.findall(r"\d+", name)[::-1]), "")
-
-
-def _unsigned(table: Table, columns: Mapping[str, Any], held: Mapping[str, set[str]]) -> list[str]:
-    """Return the torques that have no sign, and take them from what joints with targets have."""
-    names = reported(columns)
-    torques = [table.numbers(columns[name]["from"]) for name in names]
-    joints = {name.rpartition(".")[0] for name in names}
-    if not mirrored(torques) or any("target_position" not in held[joint] for joint in joints):
-        return []
-    for joint in joints:
-        held[joint] -= set(REPORTED)
-    return names
 
 
 def guess_table(path: str | Path, start: Mapping[str, Any]) -> Table:
@@ -184,7 +185,4 @@ def _parts(table: Table, mapped: Mapping[str, Any]) -> Mend:
     }
     if not columns:
         columns = {n: table.numbers(n) for n in table.names if guess_name(n).quantity in MOTION}
-    if np.all(np.diff(time) > 0.0):
-        return {}
-    advancing(time, columns, "spread", np.arange(time.size), str(table.path))  # raises if lost
-    return repeated_mend(time, columns)
+    return repeated_mend(time, columns, np.arange(time.size), str(table.path))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -12,19 +13,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.arrays import FloatArray, Remade, frozen
+from wbc.arrays import FloatArray, IntArray, Remade, frozen
 from wbc.errors import LogError, require_known, unknown_name
+from wbc.measurement import schema
+from wbc.measurement.clocks import LEAST_ROWS, advancing, gaps
 from wbc.measurement.column_map import Mend, say_so
 from wbc.measurement.names import unread
-from wbc.measurement.schema import (
-    FORCE_QUANTITIES,
-    JOINT_QUANTITIES,
-    TIME,
-    is_column,
-    not_a_column,
-    owners,
-    today,
-)
 from wbc.robot import Robot
 from wbc.tables import few, joined
 from wbc.transmission import Transmission
@@ -127,12 +121,15 @@ class Log(Remade):
                 length, a value that is no finite number, or a name that is not in the schema.
         """
         label = self.source.label
-        time = _checked_time(self.time, label)
+        time = _checked_series(self.time, schema.TIME, None, label)
+        if time.size < 2:
+            raise LogError(f"{label}: {time.size} rows; a log needs at least two.")
+        advancing(time, {}, "error", np.arange(time.size), label)  # raises where it does not
         columns: dict[str, FloatArray] = {}
         for name, values in self.columns.items():
-            if name == TIME or not is_column(name):
-                raise LogError(f"{label}: " + not_a_column(name))
-            columns[today(name)] = _checked_series(values, name, time.size, label)
+            if name == schema.TIME or not schema.is_column(name):
+                raise LogError(f"{label}: " + schema.not_a_column(name))
+            columns[schema.today(name)] = _checked_series(values, name, time.size, label)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "columns", MappingProxyType(columns))
 
@@ -153,10 +150,12 @@ class Log(Remade):
                 f"name, not {type(frame).__name__}; files are read with load_logs([...])."
             )
         names = [str(name) for name in held]
-        require_known(LogError, "column", TIME, names, "log in memory")
-        columns = {n: np.asarray(frame[n]) for n in names if n != TIME and is_column(n)}
-        ignored = tuple(name for name in names if name != TIME and name not in columns)
-        return cls(np.asarray(frame[TIME]), columns, LogSource(ignored=ignored))
+        require_known(LogError, "column", schema.TIME, names, "log in memory")
+        columns = {
+            n: np.asarray(frame[n]) for n in names if n != schema.TIME and schema.is_column(n)
+        }
+        ignored = tuple(name for name in names if name != schema.TIME and name not in columns)
+        return cls(np.asarray(frame[schema.TIME]), columns, LogSource(ignored=ignored))
 
     def __len__(self) -> int:
         """N, the number of rows."""
@@ -181,12 +180,12 @@ class Log(Remade):
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints that have any channel, in order of appearance."""
-        return owners(self.columns, JOINT_QUANTITIES)
+        return schema.owners(self.columns, schema.JOINT_QUANTITIES)
 
     @property
     def contacts(self) -> tuple[str, ...]:
         """Names of the contacts that have a force channel, in order of appearance."""
-        return owners(self.columns, FORCE_QUANTITIES)
+        return schema.owners(self.columns, schema.FORCE_QUANTITIES)
 
     @property
     def duration(self) -> float:
@@ -200,7 +199,7 @@ class Log(Remade):
 
     def has(self, *names: str) -> bool:
         """Whether all of these channels are there."""
-        return all(name == TIME or today(name) in self.columns for name in names)
+        return all(name == schema.TIME or schema.today(name) in self.columns for name in names)
 
     def recorded(self, name: str) -> bool:
         """Whether the log was recorded with this channel, be it usable or not."""
@@ -208,7 +207,7 @@ class Log(Remade):
 
     def with_quantity(self, quantity: str) -> tuple[str, ...]:
         """Return the joints that have a channel of this quantity."""
-        return owners(self.columns, [today(f".{quantity}")[1:]])
+        return schema.owners(self.columns, [schema.today(f".{quantity}")[1:]])
 
     def column(self, name: str) -> FloatArray:
         """Return one channel, (N,), read-only.
@@ -217,9 +216,9 @@ class Log(Remade):
             LogError: no such channel; the message lists those there are, and those of the file
                 that were not read.
         """
-        if name == TIME:
+        if name == schema.TIME:
             return self.time
-        if (held := self.columns.get(today(name))) is not None:
+        if (held := self.columns.get(schema.today(name))) is not None:
             return held
         if name in self.source.unusable:
             raise LogError(f"{self.source.label}: {self.source.unusable[name]}")
@@ -249,13 +248,13 @@ class Log(Remade):
         Raises:
             LogError: fewer than two rows lie there.
         """
-        first, last = np.searchsorted(self.time, [start, stop])
+        first, last = map(int, np.searchsorted(self.time, [start, stop]))
         if last - first < 2:
             raise LogError(
                 f"{self.source.label}: fewer than two rows between {start:g} s and {stop:g} s; "
                 f"the log runs from {self.time[0]:g} s to {self.time[-1]:g} s."
             )
-        return self[int(first) : int(last)]
+        return self[first:last]
 
     def select(self, names: Iterable[str]) -> Log:
         """Return a log with only these channels.
@@ -269,28 +268,6 @@ class Log(Remade):
         """Return a log with channels added or replaced."""
         added = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items()}
         return replace(self, columns={**self.columns, **added})
-
-
-def _checked_time(values: ArrayLike, label: str) -> FloatArray:
-    """Return time stamps (N,) [s] after checking that they increase strictly.
-
-    Raises:
-        LogError: fewer than two rows, no finite number, or a stamp not after the one before.
-    """
-    time = _checked_series(values, "time", None, label)
-    if time.size < 2:
-        raise LogError(f"{label}: {time.size} rows; a log needs at least two.")
-    steps = np.diff(time)
-    bad = np.flatnonzero(steps <= 0.0)
-    if bad.size:
-        row, keep = int(bad[0]) + 1, say_so({"time": {"repeated": "first"}}, "keep the first")
-        back = (steps < 0.0).any()
-        raise LogError(
-            f"{label}: time {'goes back' if steps[row - 1] < 0.0 else 'repeats'} at row {row} "
-            f"({time[row - 1]:.9g} s, then {time[row]:.9g} s; {bad.size} such rows). "
-            + ("Sort the rows." if back else f"Drop them; of a file, {keep}")
-        )
-    return time
 
 
 def _checked_series(values: ArrayLike, name: str, rows: int | None, label: str) -> FloatArray:
@@ -312,16 +289,20 @@ def _checked_series(values: ArrayLike, name: str, rows: int | None, label: str) 
     # A sum is finite unless an entry is not (or it overflows): no mask array for the usual case.
     with np.errstate(over="ignore", invalid="ignore"):
         total = float(np.sum(series))
-    if not np.isfinite(total):
-        bad = np.flatnonzero(~np.isfinite(series))
-        if bad.size:
-            row = int(bad[0])
-            drop = say_so({"columns": {name: {"missing": "drop_rows"}}}, "drop these rows")
-            raise LogError(
-                f"{label}: column '{name}' holds {series[row]} at row {row} ({bad.size} such rows "
-                f"of {series.size}). Repair them; of a file, {drop}"
-            )
+    if not np.isfinite(total) and not np.isfinite(series).all():
+        raise LogError(f"{label}: {hole(name, series, 'drop_rows')}")
     return series
+
+
+def hole(name: str, values: FloatArray, missing: str) -> str:
+    """Return that a column cannot be used, and how it can: by what a map says of `missing`."""
+    bad = np.flatnonzero(~np.isfinite(values))
+    what = "drop these rows" if missing == "drop_rows" else "lay straight lines over them"
+    return (
+        f"column '{name}' holds {values[bad[0]]} at row {int(bad[0])} ({bad.size} such rows of "
+        f"{values.size}). Repair the file, or "
+        + say_so({"columns": {name: {"missing": missing}}}, what)
+    )
 
 
 def _unwritable(array: NDArray[Any]) -> bool:
@@ -392,3 +373,71 @@ def severity(probability: float) -> str:
 def listed(texts: Sequence[str]) -> str:
     """Return 'a, b and c', or 'a' where all texts are the same."""
     return joined(texts if len(set(texts)) > 1 else texts[:1])
+
+
+CUT_FROM = 0.02
+"""Logs are cut at gaps longer than this [s]: a straight line bridges shorter ones well enough."""
+
+_LEAST_DURATION, _SHORTEST = 1.0, 0.5  # [s] of a piece, of a log
+
+
+def cut_at_gaps(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
+    """Return the logs cut where samples are missing, and a warning for each log that was cut.
+
+    A piece is a log of its own, `FILE#START..STOP s`; pieces too short to say anything are left
+    out. Logs without gaps are returned as they are.
+
+    Raises:
+        LogError: less than half of the rows of a log are left in pieces that are long enough.
+    """
+    whole, warnings = [], []
+    for log in logs:
+        cuts = _cuts(log)
+        if not cuts.size:
+            whole.append(log)
+            continue
+        widths, at = log.time[cuts + 1] - log.time[cuts], log.time[cuts[0]]
+        where = f"samples are missing for {widths[0]:.3g} s at {at:.3f} s"
+        if cuts.size > 1:
+            where = f"samples are missing in {cuts.size} places, first for {widths[0]:.3g} s at "
+            where += f"{at:.3f} s, at most for {widths.max():.3g} s"
+        long = [piece for piece in _pieces(log, cuts) if piece.duration >= _LEAST_DURATION]
+        kept = sum(map(len, long))
+        if kept < 0.5 * len(log):
+            raise LogError(
+                f"{log.source.label}: {where}, and only {kept} of {len(log)} rows are left in "
+                "pieces long enough to be used. Record with the drive's own clock, without losses."
+            )
+        spans = [f"{piece.time[0]:.3f}..{piece.time[-1]:.3f} s" for piece in long]
+        for piece, span in zip(long, spans, strict=True):
+            part = f"{log.source.part} {span}".lstrip()
+            whole.append(replace(piece, source=replace(log.source, part=part)))
+        warnings.append(
+            f"{log.source.label}: {where}. The log is cut there; used are {', '.join(spans)}. Runs "
+            "cut in different places are not seen to repeat one another."
+        )
+    return whole, warnings
+
+
+def longest_piece(log: Log) -> Log:
+    """Return the longest part of a log in which no samples are missing."""
+    return max(_pieces(log, _cuts(log)), key=len, default=log[:2])
+
+
+def _cuts(log: Log) -> IntArray:
+    """Return the rows (n,) after which a log is cut."""
+    rows = gaps(log.time)
+    return rows[log.time[rows + 1] - log.time[rows] > CUT_FROM]
+
+
+def _pieces(log: Log, cuts: IntArray) -> list[Log]:
+    parts = pairwise([0, *(cuts + 1).tolist(), len(log)])
+    return [log[start:stop] for start, stop in parts if stop - start >= LEAST_ROWS]
+
+
+def too_short(log: Log) -> LogFinding | None:
+    """Return that a log is too short to say anything, None for a longer one."""
+    if log.duration >= _SHORTEST and len(log) >= LEAST_ROWS:
+        return None
+    text = f"{log.duration:.2g} s with {len(log)} rows are too short to say anything."
+    return LogFinding("error", "short", "", text, "Record at least a few seconds of motion.")

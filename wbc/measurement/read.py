@@ -24,7 +24,7 @@ from wbc.measurement.column_map import (
 )
 from wbc.measurement.filters import align_velocity, shifted
 from wbc.measurement.formats import digest, open_table
-from wbc.measurement.log import Log, LogSource
+from wbc.measurement.log import Log, LogSource, hole
 from wbc.measurement.schema import LOG_UNITS, TIME, column_units, is_column, likely_meant, today
 from wbc.measurement.tables import Table
 from wbc.tables import few
@@ -47,10 +47,9 @@ def load_log(
     """
     logs = load_logs([path], columns, gear_ratios)
     if len(logs) != 1:
-        parts = ", ".join(log.source.part for log in logs)
         raise LogError(
             f"'{path}' holds {len(logs)} logs; choose one as '{path}#NAME', or read them all with "
-            f"load_logs. There are: {parts}."
+            f"load_logs. There are: {', '.join(log.source.part for log in logs)}."
         )
     if not logs[0].columns:
         why = next(iter(logs[0].source.unusable.values()), "every column is empty.")
@@ -150,47 +149,37 @@ def _log(
         LogError: nothing is left, or what is left is no log (see `Log`).
     """
     count, label = rows.size, source.label
-    values = {
-        rule.target: rule.value({name: table.numbers(name)[rows] for name in rule.sources})
-        for rule in rules.rules
-    }
-    first, last = rules.rows.between
+    block, (first, last) = dict[str, FloatArray](), rules.rows.between
     kept = (time >= first) & (time <= last)
     for rule in rules.rules:
-        if rule.missing == "bridge":
-            values[rule.target] = _bridged(time, values[rule.target])
+        values = rule.value({name: table.numbers(name)[rows] for name in rule.sources})
+        known = np.isfinite(values)
+        if rule.missing == "bridge" and known.any():  # but for the ends
+            values = np.interp(time, time[known], values[known], left=np.nan, right=np.nan)
         if rule.missing in ("bridge", "drop_rows"):
-            kept &= ~np.isnan(values[rule.target])
+            kept &= ~np.isnan(values)
+        block[rule.target] = values
     if not kept.any():
         raise LogError(f"{label}: no rows ({count} read, {count} dropped).")
-    block = {name: column[kept] for name, column in values.items()}
+    block = {name: column[kept] for name, column in block.items()}
     time, apart = advancing(time[kept], block, rules.time.repeated, rows[kept], label)
-    notes, columns = list(source.notes), {}
-    unusable: dict[str, FloatArray] = {}
-    for rule in rules.rules:
-        column = block[rule.target][apart]
-        if np.isnan(column).all():
-            notes.append(f"{rule.target} left out: {', '.join(rule.sources)} is empty.")
-        elif not np.isfinite(column).all():
-            unusable[rule.target] = column
-        else:
-            columns[rule.target] = column
+    block = {name: column[apart] for name, column in block.items()}
+    empty = {name for name, column in block.items() if np.isnan(column).all()}
+    columns = {name: column for name, column in block.items() if np.isfinite(column).all()}
+    unusable = {n: column for n, column in block.items() if n not in columns and n not in empty}
+    notes = [
+        f"{rule.target} left out: {', '.join(rule.sources)} is empty."
+        for rule in rules.rules
+        if rule.target in empty
+    ]
     if dropped := count - int(np.count_nonzero(apart)):
         notes.append(f"{dropped} of {count} rows dropped by the column map.")
     holes = _holes(unusable)
-    told = {name: _hole(name, column, holes[name]) for name, column in unusable.items()}
-    source = replace(source, notes=tuple(notes), unusable=told, holes=holes)
+    told = {name: hole(name, column, holes[name]) for name, column in unusable.items()}
+    source = replace(source, notes=(*source.notes, *notes), unusable=told, holes=holes)
     lags = {rule.target: rule.lag for rule in rules.rules if rule.lag and rule.target in columns}
     log = shifted(Log(time, columns, source), lags)
     return align_velocity(log) if rules.time.align_velocity else log
-
-
-def _bridged(time: FloatArray, values: FloatArray) -> FloatArray:
-    """Return values with straight lines over their NaN, but for those at the ends."""
-    known = np.isfinite(values)
-    if not known.any():
-        return values
-    return np.asarray(np.interp(time, time[known], values[known], left=np.nan, right=np.nan))
 
 
 def _holes(unusable: Mapping[str, FloatArray]) -> dict[str, str]:
@@ -205,17 +194,6 @@ def _holes(unusable: Mapping[str, FloatArray]) -> dict[str, str]:
     first = next((name for name in lacking if name.endswith(".position")), next(iter(lacking)))
     same = {name: np.array_equal(own, lacking[first]) for name, own in lacking.items()}
     return {name: "drop_rows" if same[name] else "bridge" for name in lacking}
-
-
-def _hole(target: str, values: FloatArray, missing: str) -> str:
-    """Return the message for a channel that cannot be used, and how it can."""
-    bad = np.flatnonzero(~np.isfinite(values))
-    what = "drop these rows" if missing == "drop_rows" else "lay straight lines over them"
-    return (
-        f"column '{target}' holds {values[bad[0]]} at row {int(bad[0])} ({bad.size} such rows of "
-        f"{values.size}). Repair the file, or "
-        + say_so({"columns": {target: {"missing": missing}}}, what)
-    )
 
 
 def _parts(table: Table, rules: ColumnMap, time: FloatArray, pattern: str) -> dict[str, IntArray]:
@@ -243,14 +221,18 @@ def _parts(table: Table, rules: ColumnMap, time: FloatArray, pattern: str) -> di
             name = f"{value}/{k}" if value else f"run{k}"
             found[name if len(pieces) > 1 else value] = piece
     found = dict(sorted(found.items(), key=lambda part: part[1][0]))
+    if not table.rows:
+        raise LogError(f"'{table.path}' is empty: it has columns but no rows.")
     if pattern and list(found) == [""]:
+        way = f"Leave '#{pattern}' out: no column has values that it names."
+        for name in table.names:
+            if any(fnmatchcase(value, pattern) for value in np.unique(table.texts(name))):
+                way = f"Its column '{name}' has such values; " + say_so({"rows": {"split": name}})
         raise LogError(
             f"{table.path}: '#{pattern}' picks one of several logs, but nothing splits the file. "
-            + _splitting(table, pattern)
+            + way
         )
     wanted = {p: own for p, own in found.items() if not pattern or fnmatchcase(p, pattern)}
-    if not wanted and not table.rows:
-        raise LogError(f"'{table.path}' is empty: it has columns but no rows.")
     if not wanted:
         where = "".join(f" where {column} = {value}" for column, value in choice.where.items())
         cells = zip(*(keys[name].tolist() for name in choice.where), strict=True)
@@ -271,14 +253,6 @@ def _breaks(rows: IntArray, time: FloatArray) -> IntArray:
     usual = float(np.nanmedian(steps))
     apart = interrupted & ~((steps > 0.0) & (steps <= GAP_STEPS * usual))
     return np.union1d(np.flatnonzero(apart) + 1, again).astype(np.int_)
-
-
-def _splitting(table: Table, pattern: str) -> str:
-    """Return how to split a file: by the column that holds what a pattern names."""
-    for name in table.names:
-        if any(fnmatchcase(value, pattern) for value in np.unique(table.texts(name))):
-            return f"Its column '{name}' has such values; " + say_so({"rows": {"split": name}})
-    return f"Leave '#{pattern}' out: no column has values that it names."
 
 
 def _patched(rules: ColumnMap, table: Table) -> tuple[ColumnMap, tuple[str, ...], tuple[str, ...]]:
@@ -312,7 +286,6 @@ def _patched(rules: ColumnMap, table: Table) -> tuple[ColumnMap, tuple[str, ...]
         if target not in taken and not used & set(rule.sources) and target != rules.time.source
     ]
     complete = replace(rules, rules=(*passed, *stated))
-    _require_clock(complete, table)
     _require_columns(complete, table)
     read = {s for rule in complete.rules for s in rule.sources} | {rules.time.source, *used}
     ignored = tuple(n for n in table.names if n not in read and n not in rules.left_out)
@@ -357,7 +330,8 @@ def _require_spelling(table: Table, rules: ColumnMap, used: set[str]) -> None:
         )
 
 
-def _require_clock(rules: ColumnMap, table: Table) -> None:
+def _require_columns(rules: ColumnMap, table: Table) -> None:
+    """Raise where a file lacks its clock, every channel, or a column that the map needs."""
     if rules.time.source == TIME and TIME not in table.names:
         clock, rate = say_so({"time": {"from": "CLOCK"}}), say_so({"time": {"rate": 100}})
         raise LogError(
@@ -372,13 +346,8 @@ def _require_clock(rules: ColumnMap, table: Table) -> None:
             f"There are: {', '.join(table.names)}. Let `{init}` write a first "
             "column map for the URDF, MJCF or robot MODEL."
         )
-
-
-def _require_columns(rules: ColumnMap, table: Table) -> None:
-    """Raise where a file lacks a column that the map needs."""
     needed = [(f"columns.{rule.target}", s) for rule in rules.rules for s in rule.sources]
-    needed += [("rows", key) for key in rules.rows.keys]
-    needed += [("time", rules.time.source)] if rules.time.source else []
-    for key, name in needed:
+    needed += [*(("rows", key) for key in rules.rows.keys), ("time", rules.time.source)]
+    for key, name in (one for one in needed if one[1]):
         place = f"{rules.path or 'column map'}: {key}"
         require_known(LogError, f"column of '{table.path}'", name, table.names, place)

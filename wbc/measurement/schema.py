@@ -13,22 +13,12 @@ from wbc.robot.description import SI_UNITS
 TIME = "time"
 
 JOINT_QUANTITIES: dict[str, tuple[str, ...]] = {
-    "position": ("rad", "m"),
-    "velocity": ("rad/s", "m/s"),
-    "acceleration": ("rad/s^2", "m/s^2"),
-    "rotor_torque": ("N m", "N"),
-    "motor_torque": ("N m", "N"),
-    "joint_torque": ("N m", "N"),
-    "current": ("A",),
-    "rotor_position": ("rad",),
-    "rotor_velocity": ("rad/s",),
-    "temperature": ("deg C",),
-    "voltage": ("V",),
-    "duty": ("1",),
-    "enabled": ("1",),
-    "target_position": ("rad", "m"),
-    "target_velocity": ("rad/s", "m/s"),
-    "goal_position": ("rad", "m"),
+    **dict.fromkeys(("position", "target_position", "goal_position"), ("rad", "m")),
+    **dict.fromkeys(("velocity", "target_velocity"), ("rad/s", "m/s")),
+    **dict.fromkeys(("rotor_torque", "motor_torque", "joint_torque"), ("N m", "N")),
+    **dict.fromkeys(("duty", "enabled"), ("1",)),
+    **{"acceleration": ("rad/s^2", "m/s^2"), "current": ("A",), "rotor_position": ("rad",)},
+    **{"rotor_velocity": ("rad/s",), "temperature": ("deg C",), "voltage": ("V",)},
 }
 """Quantity of `<joint>.<quantity>` and its units (rotary, linear).
 

@@ -11,13 +11,15 @@ import gzip
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from csv import reader
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cached_property
-from itertools import zip_longest
+from itertools import compress, product, zip_longest
 from pathlib import Path
 from typing import Any
+from zlib import error as ZlibError  # noqa: N812
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,20 +78,15 @@ class Table:
         if values.dtype.kind == "M":
             return np.asarray((values - values[0]) / np.timedelta64(1, "ns") * 1e-9)
         cells = ["" if cell is None else str(cell).strip() for cell in values]
-        row = 0
-        try:
-            numbers = np.full(len(cells), np.nan)
-            for row, cell in enumerate(cells):
-                if cell:
-                    numbers[row] = float(cell)
-        except ValueError:
-            if (seconds := _seconds(cells)) is not None:
-                return seconds
-            raise LogError(
-                f"'{self.path}': column '{name}' holds '{cells[row]}' at row {row} instead of "
-                "numbers. Repair these cells, or leave the column out."
-            ) from None
-        return numbers
+        with suppress(ValueError):
+            return np.array([float(cell or "nan") for cell in cells])
+        if (seconds := _seconds(cells)) is not None:
+            return seconds
+        row = next(row for row, cell in enumerate(cells) if not _is_number(cell or "nan"))
+        raise LogError(
+            f"'{self.path}': column '{name}' holds '{cells[row]}' at row {row} instead of "
+            "numbers. Repair these cells, or leave the column out."
+        )
 
     def texts(self, name: str) -> NDArray[Any]:
         """Return a column (N,) as text."""
@@ -103,11 +100,9 @@ class Table:
 
     def holds_numbers(self, name: str) -> bool:
         """Whether a column can be read as numbers."""
-        try:
-            self.numbers(name)
-        except LogError:
-            return False
-        return True
+        with suppress(LogError):
+            return self.numbers(name) is not None
+        return False
 
 
 def columns_of(arrays: Mapping[str, Any], path: Path) -> dict[str, Any]:
@@ -188,6 +183,12 @@ def _seconds(cells: Sequence[str]) -> FloatArray | None:
     return None
 
 
+def _is_number(cell: str) -> bool:
+    with suppress(ValueError):
+        return float(cell) is not None
+    return False
+
+
 def _date(cell: str, pattern: str) -> datetime:
     """Return the date of a cell, by the ISO where there is no pattern."""
     if not pattern:
@@ -202,7 +203,6 @@ _SNIFFED = 40  # lines that tell what stands between cells
 _EMPTY = ["", "nan", "NaN", "NAN", "null", "NULL", "NA", "n/a", "None"]
 _GZIP, _UTF_16 = b"\x1f\x8b", (b"\xff\xfe", b"\xfe\xff")
 _LIST = re.compile(r"\s*[\[(]\s*[-+.\d]")
-_DECIMAL_COMMA, _DECIMAL_POINT = r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?", r"[-+]?\d*\.\d+\S*"
 _PASSED_OVER = r"(?m)^(?:[#%].*|[ \t\r]*)(?:\n|\Z)"  # comments and blank lines
 
 
@@ -219,13 +219,7 @@ class _Layout:
         return Counter(map(len, self.rows[1:] or self.rows)).most_common(1)[0][0]
 
     def is_number(self, cell: str) -> bool:
-        if cell in _EMPTY:
-            return True
-        try:
-            float(cell.replace(",", ".") if self.decimal == "," else cell)
-        except ValueError:
-            return False
-        return True
+        return cell in _EMPTY or _is_number(cell.replace(self.decimal, "."))
 
     def numbers(self, row: Sequence[str]) -> list[bool]:
         """Return which cells of a line hold numbers, or lists of them."""
@@ -255,13 +249,13 @@ class _Layout:
         below = range(1, len(self.rows))
         return self.rows[: next((k for k in below if self.fits(self.rows[k]) and any(told[k])), 1)]
 
-    @property
+    @cached_property
     def units(self) -> list[str]:
         """Cells of the last line of the head where it names units: half of them known."""
         given = [cell for cell in self.head[-1] if cell] if len(self.head) > 1 else []
         known = sum(bool(named_unit(cell)) for cell in given)
-        no_units = any(map(self.is_number, given)) or 2 * known < len(given)
-        return [] if no_units or not given else self.head[-1]
+        none = not given or any(map(self.is_number, given)) or 2 * known < len(given)
+        return [] if none else self.head[-1]
 
 
 def read_text_file(path: Path, header: Sequence[str]) -> Table:
@@ -278,39 +272,32 @@ def read_text_file(path: Path, header: Sequence[str]) -> Table:
     text, notes = _text(path)
     text = re.sub(r"\Asep=.\r?\n", "", text)  # a line that spreadsheets write
     lines = text[: 1 << 20].splitlines()[:_HEAD_LINES]
-    first = next((k for k, line in enumerate(lines) if _says(line)), len(lines))
-    if first == len(lines):
+    says = [bool(line.strip()) and not line.startswith(_COMMENT) for line in lines]
+    if not any(says):
         raise LogError(f"'{path}' is empty; a header line with column names is expected.")
-    layout = _layout([*filter(_says, lines)][:_SNIFFED])
-    names = _names(path, layout, lines[:first], tuple(header))
-    cells = layout.units
-    units = {n: u for n, u in zip(names, map(named_unit, cells), strict=False) if u}
-    if cells:
-        notes.append(f"the line above the rows gives units ({', '.join(filter(None, cells))}).")
-    if (count := len(layout.head) - bool(cells)) > 1:
-        notes.append(f"names stand in {count} lines, one above the other.")
-    if layout.mark == " ":
-        notes.append("blanks stand between the columns.")
-    if layout.decimal == ",":
-        notes.append("numbers have decimal commas.")
-    if first and any(line.strip() for line in lines[:first]):
-        notes.append(f"{first} comment lines above the header were passed over.")
+    above, told = lines[: says.index(True)], [*compress(lines, says)][:_SNIFFED]
+    layout = max((_split(told, *way) for way in product(_MARKS, ".,")), key=lambda one: one.score)
+    names, units = _names(path, layout, above, tuple(header)), layout.units
+    heads = len(layout.head) - bool(units)
+    said = {
+        f"the line above the rows gives units ({', '.join(filter(None, units))}).": bool(units),
+        f"names stand in {heads} lines, one above the other.": heads > 1,
+        "blanks stand between the columns.": layout.mark == " ",
+        "numbers have decimal commas.": layout.decimal == ",",
+        f"{len(above)} comment lines above the header were passed over.": "".join(above).strip(),
+    }
+    notes += [note for note, holds in said.items() if holds]
     table = _parsed(path, text, layout, names, notes)
     columns = columns_of(dict(zip(names, table.columns, strict=True)), path)
-    return Table(path, columns, units, tuple(notes))
-
-
-def _says(line: str) -> bool:
-    return bool(line.strip()) and not line.startswith(_COMMENT)
+    known = {n: u for n, u in zip(names, map(named_unit, units), strict=False) if u}
+    return Table(path, columns, known, tuple(notes))
 
 
 def _text(path: Path) -> tuple[str, list[str]]:
     """Return the text of a file, and notes."""
     try:
-        with path.open("rb") as file:
-            zipped = file.read(2) == _GZIP
-        with gzip.open(path, "rb") if zipped else path.open("rb") as file:
-            raw = file.read()
+        raw = path.read_bytes()
+        raw = gzip.decompress(raw) if raw.startswith(_GZIP) else raw
         if raw.startswith(_UTF_16):
             return raw.decode("utf-16"), ["the file is UTF-16."]
         if b"\0" in raw[:4096]:
@@ -319,28 +306,16 @@ def _text(path: Path) -> tuple[str, list[str]]:
             return raw.decode("utf-8-sig"), []
         except UnicodeDecodeError:
             return raw.decode("latin-1"), ["the file is no UTF-8 and was read as Latin-1."]
-    except (OSError, EOFError, UnicodeError) as cause:
+    except (OSError, EOFError, UnicodeError, ZlibError) as cause:
         raise LogError(f"cannot read '{path}' as CSV: {cause}.") from cause
 
 
-def _split(line: str, mark: str) -> list[str]:
+def _split(lines: Sequence[str], mark: str, decimal: str = ".") -> _Layout:
+    """Return the layout that lines have if a mark stands between their cells."""
     if mark == " ":
-        return line.split()
-    cells = next(reader([line], delimiter=mark, skipinitialspace=True), [])
-    return [cell.strip() for cell in cells]
-
-
-def _layout(lines: Sequence[str]) -> _Layout:
-    """Return the layout whose cells are numbers in columns, of all that a text may have."""
-    found = []
-    for mark in _MARKS:
-        rows = [_split(line, mark) for line in lines]
-        commas, points = (
-            sum(bool(re.fullmatch(sign, cell)) for row in rows[1:] for cell in row)
-            for sign in (_DECIMAL_COMMA, _DECIMAL_POINT)
-        )
-        found.append(_Layout(mark, "," if commas > points else ".", rows))
-    return max(found, key=lambda one: one.score)
+        return _Layout(mark, decimal, [line.split() for line in lines])
+    cells = (next(reader([line], delimiter=mark, skipinitialspace=True), []) for line in lines)
+    return _Layout(mark, decimal, [[cell.strip() for cell in row] for row in cells])
 
 
 def _names(
@@ -354,12 +329,12 @@ def _names(
         )
     if given:
         return given
-    said = above[-1].lstrip("".join(_COMMENT)).strip() if above else ""
-    for mark in dict.fromkeys((layout.mark, *_MARKS)) if not layout.head else ():
-        words = _split(said, mark)
-        if len(words) == len(first) and len(set(words)) == len(words):
-            return tuple(words)
     if not layout.head:
+        said = above[-1].lstrip("".join(_COMMENT)).strip() if above else ""
+        for mark in (layout.mark, *_MARKS):
+            (words,) = _split([said], mark).rows
+            if len({*words}) == len(words) == len(first):
+                return tuple(words)
         wanted = ["time", *(f"column_{k}" for k in range(2, len(first) + 1))]
         way = say_so({"rows": {"header": wanted}}, "give their true names")
         raise LogError(
@@ -404,12 +379,11 @@ def _parsed(
         notes.append(f"the last row was cut off and passed over: '{row.text[:40]}'.")
         return "skip"
 
-    skipped, mark = len(layout.head), "\t" if layout.mark == " " else layout.mark
     try:
         return pc.read_csv(
             pa.BufferReader(text.encode()),
-            pc.ReadOptions(use_threads=False, column_names=list(names), skip_rows=skipped),
-            pc.ParseOptions(delimiter=mark, invalid_row_handler=odd),
+            pc.ReadOptions(use_threads=False, column_names=list(names), skip_rows=len(layout.head)),
+            pc.ParseOptions(delimiter=layout.mark.replace(" ", "\t"), invalid_row_handler=odd),
             pc.ConvertOptions(
                 null_values=_EMPTY, strings_can_be_null=True, decimal_point=layout.decimal
             ),

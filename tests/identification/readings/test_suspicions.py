@@ -14,7 +14,7 @@ from wbc.effects import CoulombFriction, load_robot
 from wbc.identification.readings import SuspiciousLogError, find_suspicions, suspicions
 from wbc.identification.readings.evidence import Judged, Report
 from wbc.identification.readings.kinds import Reading
-from wbc.identification.readings.mistakes import _closer, told_by_rows
+from wbc.identification.readings.mistakes import told_by_rows
 from wbc.measurement import Log, load_logs, mended, together, write_map
 from wbc.robot import Motion, Robot
 from wbc.sim.excitation import record_with
@@ -347,7 +347,7 @@ def test_an_exchange_that_explains_less_accuses_nobody(left: float, *, closer: b
         return Report(nothing, nothing, nothing, nothing, left, 0.0, 40.0, 1.0)
 
     strays = np.array([[2.0, 2.0]])
-    as_is = Judged(Reading(), (report(0.2), report(0.2)), strays)
+    as_is = Judged(Reading(), ((report(0.2), report(0.2)),), (strays,))
     read = Reading("exchanged", "they are exchanged", exchanged=(0, 1))
-    other = Judged(read, (report(left), report(left)), 0.5 * strays)
-    assert _closer(read.text, {0: {"": as_is, read.text: other}}) is closer
+    other = Judged(read, ((report(left), report(left)),), (0.5 * strays,))
+    assert other.closer(as_is, (0,)) is closer

@@ -11,26 +11,21 @@ from pathlib import Path
 import numpy as np
 
 from wbc.errors import IdentificationError, LogError
+from wbc.identification.readings import mistakes
 from wbc.identification.readings.kinds import columns_of, in_degrees
-from wbc.identification.readings.mistakes import (
-    SuspiciousLogError,
-    find_suspicions,
-    motionless,
-    torque_mistakes,
-)
 from wbc.identification.records.channels import placeless_joints, positions, without_position
 from wbc.identification.records.contacts import moving_contact
 from wbc.identification.records.drives import tells_torque
-from wbc.measurement.checks import (
-    check_alone,
-    check_reading,
-    check_set,
-    find_duplicates,
-    resolution,
-)
-from wbc.measurement.clocks import cut_at_gaps, too_short
+from wbc.measurement import checks as alone
 from wbc.measurement.column_map import Mend, merged, say_so, together
-from wbc.measurement.log import CERTAIN, Log, LogFinding, short_label
+from wbc.measurement.log import (
+    CERTAIN,
+    Log,
+    LogFinding,
+    cut_at_gaps,
+    short_label,
+    too_short,
+)
 from wbc.measurement.names import unread
 from wbc.measurement.read import mended
 from wbc.measurement.schema import FREE_POSE, REPORTED
@@ -38,22 +33,10 @@ from wbc.robot import Robot, state_gear
 from wbc.tables import TextTable
 
 _TORQUES = (*REPORTED, "joint_torque")
-_ASKED = ("motor_torque", *REPORTED)  # a torque that nobody named: most drives report the motor's
 _NO_TORQUE = "Record what the drive reports; a log of positions alone can be played, not compared."
 _PLACES = 400  # of a log at which contacts are looked at
 _BEYOND = 3.0  # times the limit of a joint
 _MANY_TURNS = 6.0 * pi
-
-
-def refusal(log: Log, robot: Robot) -> LogFinding | None:
-    """Return why nothing can be said of a robot from a log, None where something can.
-
-    `wbc check` and every comparison ask here, so that neither lets pass what the other refuses.
-    """
-    if (short := too_short(log)) is not None:
-        return short
-    found = [*check_ranges(log, robot), *check_robot(log, robot)]
-    return next((finding for finding in found if finding.severity == "error"), None)
 
 
 def require_robot_and_logs(robot: Robot, logs: Sequence[Log]) -> None:
@@ -86,31 +69,27 @@ def require_logs(logs: Sequence[Log]) -> None:
     """
     if isinstance(logs, Log):
         raise IdentificationError("a sequence of logs is expected; give one log as [log].")
-    if isinstance(logs, str | Path) or not isinstance(logs, Iterable):
-        raise IdentificationError(
-            f"logs are expected, not {str(logs)!r}; read files with load_logs([...])."
-        )
-    for log in logs:
-        if not isinstance(log, Log):
-            raise IdentificationError(
-                f"a log is expected, not {log!r}; read files with load_logs([...])."
-            )
+    several = isinstance(logs, Iterable) and not isinstance(logs, str | Path)
+    odd = [one for one in (logs if several else [logs]) if not isinstance(one, Log)]
+    if odd:
+        said = repr(odd[0] if several else str(odd[0]))
+        way = "read files with load_logs([...])."
+        raise IdentificationError(f"logs are expected, not {said}; {way}")
 
 
 def require_readable(robot: Robot, log: Log) -> None:
-    """Check that something can be said of a robot from a log, see `refusal`.
+    """Check that something can be said of a robot from a log, by what `check_logs` refuses, too.
 
     Raises:
         IdentificationError: too short a log.
         SuspiciousLogError: a position far beyond the joint's limits, or what a log lacks that the
             robot needs; the message says what to do.
     """
-    if (found := refusal(log, robot)) is None:
-        return
-    message = f"{log.source.label}: {found.said}"
-    if found.kind == "short":
-        raise IdentificationError(message)
-    raise SuspiciousLogError(message, [found])
+    if (short := too_short(log)) is not None:
+        raise IdentificationError(f"{log.source.label}: {short.said}")
+    for found in (*check_ranges(log, robot), *check_robot(log, robot)):
+        if found.severity == "error":
+            raise mistakes.SuspiciousLogError(f"{log.source.label}: {found.said}", [found])
 
 
 def without_copies(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
@@ -122,7 +101,7 @@ def without_copies(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
         IdentificationError: one log in place of a sequence, or something else than logs.
     """
     require_logs(logs)
-    copies = {copy: first for first, *others in find_duplicates(logs) for copy in others}
+    copies = {copy: first for first, *others in alone.find_duplicates(logs) for copy in others}
     warnings = [
         f"{logs[copy].source.label} holds the same data as {logs[first].source.label} and is left "
         "out; record the motion again for a repeat."
@@ -133,12 +112,10 @@ def without_copies(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
 
 def check_robot(log: Log, robot: Robot) -> list[LogFinding]:
     """Return findings about what a robot has and a log lacks."""
-    unknown = unknown_joints(log, robot)
+    unknown = _unknown_joints(log, robot)
     if unknown is not None:
         return [unknown]
-    base = unknown_base(log, robot)
-    found = [base] if base is not None else _without_force(log, robot)
-    return [*found, *_without_torque(log, robot), *_with_holes(log, robot)]
+    return [*_without_base(log, robot), *_without_torque(log, robot), *_with_holes(log, robot)]
 
 
 def check_ranges(log: Log, robot: Robot | None = None) -> Iterator[LogFinding]:
@@ -153,38 +130,33 @@ def check_ranges(log: Log, robot: Robot | None = None) -> Iterator[LogFinding]:
     for joint in log.with_quantity("position"):
         name = f"{joint}.position"
         low, high = float(log.column(name).min()), float(log.column(name).max())
-        lower, upper = _limits(robot, joint)
-        spare = 0.05 * (upper - lower) if np.isfinite(upper - lower) else 0.0
+        lower, upper = -np.inf, np.inf
+        if robot is not None and joint in robot.single_joints:
+            row = robot.position_index(joint)
+            limits = robot.model.lowerPositionLimit[row], robot.model.upperPositionLimit[row]
+            if limits[0] < limits[1] and abs(limits[1]) < 1e6:
+                lower, upper = map(float, limits)
+        bounded = np.isfinite(upper - lower)
+        spare = 0.05 * (upper - lower) if bounded else 0.0
         lowest, highest = lower - spare, upper + spare
         seen, mend = f"it runs from {low:.4g} to {high:.4g}", in_degrees(log, [joint])
         if low < lowest or high > highest:
             turns = 2.0 * pi * round((low + high) / (4.0 * pi))
             said = "; read as degrees it would fit."
             if turns and lowest <= low - turns and high - turns <= highest:
-                mend, said = {"columns": {name: {"offset": -turns}}}, "; whole turns away it would "
-                said += "fit."
+                mend = {"columns": {name: {"offset": -turns}}}
+                said = "; whole turns away it would fit."
             elif not (lowest <= np.radians(low) and np.radians(high) <= highest):
                 mend, said = {}, "."
             text = f"{seen}, the joint allows {lower:.4g} to {upper:.4g}{said}"
             way = "If so, " + say_so(mend) if mend else "State unit, side and offset in a map."
-            far = max(-low, high) > _BEYOND * max(-lower, upper)
-            if far:
+            if far := max(-low, high) > _BEYOND * max(-lower, upper):
                 way = f"If the joint can turn further, widen its limits in the URDF. {way}"
-            severity = "error" if far else "warning"
-            yield LogFinding(severity, "range", name, text, way, mend)
-        elif high - low > _MANY_TURNS and not np.isfinite(upper - lower):
+            yield LogFinding("error" if far else "warning", "range", name, text, way, mend)
+        elif high - low > _MANY_TURNS and not bounded:
             text = f"{seen}: {(high - low) / (2.0 * pi):.1f} turns if that is rad."
             way = f"If it is degrees, {say_so(mend)}"
-            yield LogFinding("warning", "range", name, text, way)
-
-
-def _limits(robot: Robot | None, joint: str) -> tuple[float, float]:
-    """Return the lowest and highest position of a joint [rad or m], infinite where it has none."""
-    if robot is None or joint not in robot.single_joints:
-        return -np.inf, np.inf
-    row, model = robot.position_index(joint), robot.model
-    lower, upper = float(model.lowerPositionLimit[row]), float(model.upperPositionLimit[row])
-    return (lower, upper) if lower < upper and abs(upper) < 1e6 else (-np.inf, np.inf)
+            yield LogFinding("warning", "range", name, text, way, mend)
 
 
 def _with_holes(log: Log, robot: Robot) -> list[LogFinding]:
@@ -206,7 +178,7 @@ def _with_holes(log: Log, robot: Robot) -> list[LogFinding]:
     return [LogFinding("error", "missing", held[0], text, way, mend)]
 
 
-def unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
+def _unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
     """Return what to do about joints without position, None where every joint has what it needs.
 
     A velocity is enough for a joint whose position changes nothing (see `placeless_joints`).
@@ -223,69 +195,57 @@ def unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
         f"no position of {', '.join(missing)} of '{robot.name}'; the log has those of "
         f"{', '.join(held) or 'no joint'}."
     )
-    sought = [f"{name}.position" for name in missing]
-    way, mend = unread(log.source.ignored, sought)
-    if len(mend.get("columns", {})) < len(missing) == len(strange):
-        pairs = zip(strange, missing, strict=True)
-        own = [columns_of(theirs, log.columns, ours) for theirs, ours in pairs]
-        mend = {"columns": dict(item for entries in own for item in entries.items())}
+    way, mend = unread(log.source.ignored, [f"{name}.position" for name in missing])
+    if len(mend.get("columns", {})) == len(missing):
+        return LogFinding("error", "joints_unknown", "", text, way, mend)
+    if len(missing) == len(strange):
+        mend = {"columns": {}}
+        for theirs, ours in zip(strange, missing, strict=True):
+            mend["columns"] |= columns_of(theirs, log.columns, ours)
         # Motion and torques tell where the order of the names is not that of the joints.
-        told = torque_mistakes(robot, [mended(log, mend)])
+        told = mistakes.torque_mistakes(robot, [mended(log, mend)])
         crossed = [f.mend for f, _ in told if f.kind == "exchanged" and f.probability >= CERTAIN]
         mend = merged(mend, together(crossed))
         way = "If they are the same joints in this order, " + say_so(mend)
-    elif len(mend.get("columns", {})) < len(missing):
-        way += "\n" if way else ""
-        way += "Give the robot of these logs, or name the columns in a column map "
-        way += "(--columns MAP.toml)."
-        if placed := [name for name in missing if name in speeds]:
-            way += (
-                f" The velocity of {', '.join(placed)} alone is not enough: gravity or inertia "
-                "there depends on the position."
-            )
-        way += " Joints that never moved are held still by a line at the top of robot.toml:"
-        way += f"\n    lock = {missing}"
-    return LogFinding("error", "joints_unknown", "", text, way, mend)
+        return LogFinding("error", "joints_unknown", "", text, way, mend)
+    way += "\n" if way else ""
+    way += "Give the robot of these logs, or name the columns in a column map (--columns MAP.toml)."
+    if placed := [name for name in missing if name in speeds]:
+        way += f" The velocity of {', '.join(placed)} alone is not enough: gravity or inertia "
+        way += "there depends on the position."
+    way += " Joints that never moved are held still by a line at the top of robot.toml:"
+    return LogFinding("error", "joints_unknown", "", text, f"{way}\n    lock = {missing}", mend)
 
 
-def unknown_base(log: Log, robot: Robot) -> LogFinding | None:
-    """Return what to do about a free base without a pose, None where the pose is there."""
-    if not robot.has_free_flyer:
-        return None
-    lacking = [name for q in FREE_POSE if not log.recorded(name := f"base.{q}")]
-    if not lacking:
-        return None
-    kinds = dict.fromkeys(name.split(".")[1] for name in lacking)
-    way = (
-        "Record where the robot is, from motion capture or a state estimator, as metres and as a "
-        "unit quaternion (body to world). If the base is held, give the robot with its fixed base. "
-        f"{unread(log.source.ignored, lacking)[0]}"
-    ).rstrip()
-    text = f"no {' and '.join(kinds)} of the base of '{robot.name}', which is free: "
-    text += f"{', '.join(lacking)} needed."
-    return LogFinding("error", "no_base_pose", "", text, way)
-
-
-def _without_force(log: Log, robot: Robot) -> list[LogFinding]:
-    """Return what to do where nothing tells when and how contacts of a free base push."""
+def _without_base(log: Log, robot: Robot) -> Iterator[LogFinding]:
+    """Yield what to do about a free base without a pose, or else whose contacts nothing tells."""
+    lacking = [n for q in FREE_POSE if robot.has_free_flyer and not log.recorded(n := f"base.{q}")]
     names = [contact.name for contact in robot.contacts]
     told = [name for name in names if name in log.contacts or log.has(f"{name}.active")]
-    if not robot.floating_size or not names or told:
-        return []
-    text = f"no force and no flag of the contacts {', '.join(names)}: only logs in which the "
-    text += "robot stands on all of them can be used."
-    moved = None
-    with suppress(LogError):  # of positions that cannot be used others speak
-        moved = moving_contact(robot, positions(robot, log)[:: max(1, len(log) // _PLACES)])
-    if moved is not None:
-        text += f" In this one '{moved[0]}' moves by {moved[1]:.2g} m."
-    sought = [f"{name}.force.z" for name in names]
-    way = (
-        f"Record {names[0]}.force.x, .y and .z [N], or {names[0]}.active, 1 while it touches "
-        f"and else 0, and so on. {unread(log.source.ignored, sought)[0]}".rstrip()
-    )
-    severity = "warning" if moved is None else "error"
-    return [LogFinding(severity, "no_contact_force", "", text, way)]
+    if lacking:
+        kinds = " and ".join(dict.fromkeys(name.split(".")[1] for name in lacking))
+        text = f"no {kinds} of the base of '{robot.name}', which is free: {', '.join(lacking)} "
+        way = (
+            "Record where the robot is, from motion capture or a state estimator, as metres and as "
+            "a unit quaternion (body to world). If the base is held, give the robot with its fixed "
+            f"base. {unread(log.source.ignored, lacking)[0]}"
+        ).rstrip()
+        yield LogFinding("error", "no_base_pose", "", f"{text}needed.", way)
+    elif robot.floating_size and names and not told:
+        text = f"no force and no flag of the contacts {', '.join(names)}: only logs in which the "
+        text += "robot stands on all of them can be used."
+        moved = None
+        with suppress(LogError):  # of positions that cannot be used others speak
+            moved = moving_contact(robot, positions(robot, log)[:: max(1, len(log) // _PLACES)])
+        if moved is not None:
+            text += f" In this one '{moved[0]}' moves by {moved[1]:.2g} m."
+        way = (
+            f"Record {names[0]}.force.x, .y and .z [N], or {names[0]}.active, 1 while it touches "
+            "and else 0, and so on. "
+            f"{unread(log.source.ignored, [f'{name}.force.z' for name in names])[0]}"
+        ).rstrip()
+        severity = "warning" if moved is None else "error"
+        yield LogFinding(severity, "no_contact_force", "", text, way)
 
 
 def _without_torque(log: Log, robot: Robot) -> Iterator[LogFinding]:
@@ -299,16 +259,19 @@ def _without_torque(log: Log, robot: Robot) -> Iterator[LogFinding]:
         way = "Record it, or describe the gear in robot.toml with gear_ratio and rotor_inertia."
         yield LogFinding("error", "no_torque", "", text, way)
     gained = np.isfinite(gears.position_gain) | np.isfinite(gears.duty_gain)
-    lacking, silent = [], []
-    for k, (joint, made) in enumerate(zip(gears.joints, tells_torque(log, gears), strict=True)):
+    lacking, silent, aimed = [], [], []
+    tells = tells_torque(log, gears)
+    for k, (joint, made) in enumerate(zip(gears.joints, tells, strict=True)):
         told = [name for name in _TORQUES if log.recorded(f"{joint}.{name}")]
+        aims = log.recorded(f"{joint}.target_position")
         if joint in bare:
             continue
         if told == ["current"] and not np.isfinite(gears.torque_constant[k]):
             silent.append(joint)
-        elif not (told or made or (log.recorded(f"{joint}.target_position") and gained[k])):
+        elif not (told or made or (aims and gained[k])):
             lacking.append(joint)
-    if lacking and all(log.recorded(f"{joint}.target_position") for joint in lacking):
+            aimed += [joint] if aims else []
+    if lacking and aimed == lacking:
         text = f"targets and no torque of {', '.join(lacking)}, and the robot states no gains of "
         ways = "\n".join(state_gear(joint, "kp", "kd") for joint in lacking)
         way = f"State them (of drives that set the voltage: duty_gain instead of kp and kd): {ways}"
@@ -316,7 +279,7 @@ def _without_torque(log: Log, robot: Robot) -> Iterator[LogFinding]:
     elif lacking:
         text = f"no torque of {', '.join(lacking)}: one of rotor_torque, motor_torque, current and "
         text += "joint_torque is needed, or target_position and the drive's gains kp and kd."
-        sought = [f"{joint}.{quantity}" for joint in lacking for quantity in _ASKED]
+        sought = [f"{joint}.{q}" for joint in lacking for q in ("motor_torque", *REPORTED)]
         way, mend = unread(log.source.ignored, sought)
         if len(mend.get("columns", {})) < len(lacking):
             way = f"{_NO_TORQUE} {way}".rstrip()
@@ -379,13 +342,7 @@ def clock_rows(qualities: Sequence[LogQuality]) -> TextTable:
 
 
 def check_log(log: Log, robot: Robot | None = None) -> LogQuality:
-    """Return clock, resolution and findings of a log.
-
-    Args:
-        log: the log.
-        robot: gives gears, limits and the torques that the motion needs, so that wrong columns,
-            signs, sides and units show; without it only contradictions inside the log do.
-    """
+    """Return clock, resolution and findings of a log; as `check_logs`."""
     return check_logs([log], robot)[0]
 
 
@@ -394,41 +351,38 @@ def check_logs(logs: Sequence[Log], robot: Robot | None = None) -> tuple[LogQual
 
     Args:
         logs: logs said to be of one robot, at least one.
-        robot: as for `check_log`.
+        robot: gives gears, limits and the torques that the motion needs, so that wrong columns,
+            signs, sides and units show; without it only contradictions inside a log do.
     """
-    pieces = [_pieces(log) for log in logs]
+    pieces = []
+    for log in logs:
+        try:
+            pieces.append(cut_at_gaps([log])[0])
+        except LogError:  # a diagnosis uses no part of it
+            pieces.append([log])
     used = [piece for own in pieces for piece in own]
-    told = iter(find_suspicions(used, robot))
+    told = iter(mistakes.find_suspicions(used, robot))
     suspected = [list({f.text: f for _ in own for f in next(told)}.values()) for own in pieces]
     each = [_quality(log, robot, own) for log, own in zip(logs, suspected, strict=True)]
-    together = [*check_set(logs)]
-    if robot is not None and (still := motionless(robot, used)) is not None:
-        together.append(still)
-    each[0] = replace(each[0], findings=_gravest_first([*each[0].findings, *together]))
+    still = [] if robot is None else [mistakes.motionless(robot, used)]
+    more = [*alone.check_set(logs), *filter(None, still)]
+    each[0] = replace(each[0], findings=_gravest_first([*each[0].findings, *more]))
     return tuple(each)
 
 
-def _pieces(log: Log) -> list[Log]:
-    """Return the pieces of a log that a diagnosis uses; the whole where it uses none."""
-    try:
-        return cut_at_gaps([log])[0]
-    except LogError:
-        return [log]
-
-
 def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> LogQuality:
-    kinds = {finding.kind for finding in suspected}
     said = {finding.column for finding in suspected}
     said |= {name for f in suspected for name in f.likeliest.get("columns", {})}
     certain = any(finding.severity == "error" for finding in suspected)
-    ranges = [] if kinds & {"gear_side", "counts"} else check_ranges(log, robot)
+    sided = any(finding.kind in ("gear_side", "counts") for finding in suspected)
+    ranges = [] if sided else check_ranges(log, robot)
     lacks = check_robot(log, robot) if robot is not None else []
     findings = [
         *suspected,
         *lacks,
-        *check_alone(log, said),
+        *alone.check_alone(log, said),
         *(f for f in ranges if f.column not in said or (f.severity == "error" and not certain)),
-        *check_reading(log, lacks),
+        *alone.check_reading(log, lacks),
     ]
     steps = np.diff(log.time)
     return LogQuality(
@@ -438,7 +392,7 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
         rate=1.0 / log.sample_time,
         jitter=float(np.std(steps) / np.median(steps)),
         longest_gap=float(steps.max()),
-        resolution={name: resolution(values) for name, values in log.columns.items()},
+        resolution={name: alone.resolution(values) for name, values in log.columns.items()},
         findings=_gravest_first(findings),
     )
 

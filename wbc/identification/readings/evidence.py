@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import product
 from math import inf, pi
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.optimize import nnls
@@ -63,6 +63,7 @@ _MOST = 20.0  # times the need: friction of 113 true reports of nine recorded ma
 # 2114 true reports of generated robots with hidden causes 92 % leave less, half of them 0.1 %.
 _PHYSICS = 0.015
 _LOST = 0.8  # share that a report leaves which does not follow; of those 2114 reports ...
+_FOLLOWS = 0.3  # share that a report leaves from which its column follows nothing
 _RARELY_LOST = 0.02  # ... no more than these leave more than 0.13, and each joint on its own
 MOST_SAMPLES = 40.0  # beyond them errors of the model repeat themselves
 ROUNDING = 1e-9  # of the largest cause, below which one is nothing: a joint that carries no load
@@ -112,31 +113,41 @@ def report(rows: LogRows, need: Need, joint: int, reported: FloatArray, samples:
     causes, drawn = need_columns(need, joint)
     table = np.column_stack([causes, drawn, reported / size])
     reduced: FloatArray = np.asarray(np.linalg.qr(table, mode="r"))
-    limit = _INERTIA * float(rows.inertia[joint]) / size
+    # The offset is free, so that its row is met, whatever the others are.
+    others, change, needed, told = np.split(reduced[1:, 1:], [3, 4, 5], axis=1)
+    gains, count = GAINS / size, min(samples, MOST_SAMPLES)
     rotor = float(rows.robot.transmission.reflected_inertia[joint])  # 0 where it is not known
-    count = min(samples, MOST_SAMPLES)
-    subsets = _Subsets.of(reduced)
-    gains, left, heavy = _likelihoods(subsets, GAINS / size, rotor, limit, count)
-    ratios = np.zeros(_RATIOS.size)
+    free, found = _nonnegative(np.hstack([others, change]), told - gains * needed)
+    inertia = np.minimum(found[-1], _INERTIA * float(rows.inertia[joint]) / size)
+    # A factor of the gear ratio changes what is measured on the rotor, not torque behind it.
+    power = 0.0 if rows.quantities[joint] == "motor_torque" else -1.0
+    asked = np.concatenate([gains, gains, _RATIOS**power / size])
+    inertias = np.concatenate([inertia, rotor * gains, rotor * _RATIOS ** (power + 2.0) / size])
+    left, _ = _nonnegative(others, told - asked * needed - inertias * change)
+    bounded, held, ratios = np.split(left, [GAINS.size, 2 * GAINS.size])
+    bounded = np.where(inertia < found[-1], bounded, free)
+    likely, heavy = log_likelihood(bounded, count), -inf
     if rotor > 0.0:
-        # A factor of the gear ratio changes what is measured on the rotor, not torque behind it.
-        power = 0.0 if rows.quantities[joint] == "motor_torque" else -1.0
-        inertias = rotor / size * _RATIOS ** (power + 2.0)
-        ratios = log_likelihood(subsets.left(_RATIOS**power / size, inertias), count)
-    best = int(np.argmax(gains))
+        # A rotor unlike its data sheet has its price.
+        away = np.log(np.maximum(inertia, 1e-300) / (gains * rotor)) / _ROTOR_SPREAD
+        price = np.maximum(-0.5 * away**2, _ROTOR_WRONG)
+        likely = np.maximum(likely + price, log_likelihood(held, count))
+    else:
+        turned = log_likelihood(free[_USUAL], count)
+        heavy = float(_log_sum(GAIN_PRIOR[_USUAL] + turned))
     whole = drawn + rotor * need.change[:, joint]
     own, target = reduced[:, :-2] / size, reduced[:, -1]
-    free = _EITHER_WAY + float(log_likelihood(_free_misfits([own], [target]), count)[0])
+    idle = _EITHER_WAY + float(log_likelihood(_free_misfits([own], [target]), count)[0])
     return Report(
-        gains=gains - 0.5 * _excess(size, whole, _MOST) ** 2,
-        left=float(left[best]),
-        idle=free + UNRELATED - 0.5 * _excess(size, whole, _IDLE) ** 2,
+        gains=likely - 0.5 * _excess(size, whole, _MOST) ** 2,
+        left=float(bounded[np.argmax(likely)]),
+        idle=idle + UNRELATED - 0.5 * _excess(size, whole, _IDLE) ** 2,
         causes=own,
         target=target,
         samples=count,
         size=size,
         heavy=heavy,
-        ratios=ratios,
+        ratios=log_likelihood(ratios, count) if rotor > 0.0 else np.zeros(_RATIOS.size),
     )
 
 
@@ -153,7 +164,7 @@ def ratio_evidence(reports: Sequence[Sequence[Report]]) -> tuple[float, float]:
     return float(_log_sum(_RATIO_PRIOR + total)), float(_RATIOS[int(np.argmax(total))])
 
 
-def evidence(logs: Sequence[Sequence[Report]]) -> float:
+def log_evidence(logs: Sequence[Sequence[Report]]) -> float:
     """Return the log evidence of the reports of all joints in all logs.
 
     The gain of a joint is the same in all logs. Gains are drawn apart or alike (one kind of drive,
@@ -227,132 +238,133 @@ def need_columns(need: Need, joint: int) -> tuple[FloatArray, FloatArray]:
     return np.column_stack(causes), links
 
 
-def _likelihoods(
-    subsets: _Subsets, gains: FloatArray, rotor: float, limit: float, count: float
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return the log likelihood at each gain, the share of power left there, and `heavy`.
-
-    A rotor unlike its data sheet has its price.
-    """
-    reduced = subsets.reduced
-    free, found = subsets.fitted(reduced[:, -1:] - gains * reduced[:, -2:-1], without=1)
-    left, inertia, over = free.copy(), np.minimum(found[-1], limit), found[-1] > limit
-    left[over] = subsets.left(gains[over], inertia[over])
-    likelihood = log_likelihood(left, count)
-    if rotor <= 0.0:
-        turned = log_likelihood(free[_USUAL], count)
-        return likelihood, left, float(_log_sum(GAIN_PRIOR[_USUAL] + turned))
-    size = np.log(np.maximum(inertia, 1e-300) / (gains * rotor))
-    price = np.maximum(-0.5 * (size / _ROTOR_SPREAD) ** 2, _ROTOR_WRONG)
-    held = log_likelihood(subsets.left(gains, gains * rotor), count)
-    return np.maximum(likelihood + price, held), left, -inf
-
-
 def log_likelihood(left: FloatArray, count: FloatArray | float) -> FloatArray:
     """Return the log likelihood of independent samples of which a share of the power is left."""
     return np.asarray(-0.5 * count * np.log(left + _PHYSICS))
 
 
-class _Subsets(NamedTuple):
-    """Subsets of a few causes, solved for any target; no cause but the first may be below zero.
+def _nonnegative(columns: FloatArray, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what few columns (R, n) leave of targets (R, G), and coefficients, none below zero.
 
-    The first is the offset. So few causes have few subsets: the best coefficients are the least
-    squares of one of them.
+    Few columns have few subsets: the best coefficients are the least squares of one of them.
+
+    Returns:
+        (G,) squares that are left, and (n, G) coefficients.
     """
-
-    reduced: FloatArray
-    """(R, n + 1) the causes, the acceleration and the need last, and the report."""
-    columns: FloatArray
-    """(S, R, n) of each subset, zero where a cause is not in it."""
-    inverses: FloatArray
-    """(S, n, R), likewise."""
-
-    @classmethod
-    def of(cls, reduced: FloatArray) -> _Subsets:
-        """Solve the subsets of causes, see `reduced`."""
-        causes = reduced[:, :-1]
-        others = product((0.0, 1.0), repeat=causes.shape[1] - 1)
-        used = np.array([(1.0, *other) for other in others])
-        columns = causes * used[:, None]
-        return cls(reduced, columns, np.linalg.pinv(columns, rcond=ROUNDING) * used[:, :, None])
-
-    def left(self, gains: FloatArray, inertias: FloatArray) -> FloatArray:
-        """Return the share of power left at gains (G,) and coefficients of the acceleration."""
-        need, change = self.reduced[:, -2:-1], self.reduced[:, -3:-2]
-        return self.fitted(self.reduced[:, -1:] - gains * need - inertias * change, without=2)[0]
-
-    def fitted(self, targets: FloatArray, without: int = 0) -> tuple[FloatArray, FloatArray]:
-        """Return what is left of targets (R, G) at least, (G,) squares, and coefficients (n, G).
-
-        Args:
-            targets: one in each column.
-            without: so many of the last causes are not among the n.
-        """
-        kept, step = self.columns.shape[2] - without, 2**without
-        found = self.inverses[::step, :kept] @ targets
-        left = np.sum((targets - self.columns[::step, :, :kept] @ found) ** 2, axis=1)
-        left[(found[:, 1:] < 0.0).any(axis=1)] = np.inf
-        best = np.argmin(left, axis=0)
-        each = np.arange(best.size)
-        return left[best, each], found[best, :, each].T
+    used = np.array([*product((0.0, 1.0), repeat=columns.shape[1])])[:, None]
+    subsets = columns * used
+    found = (np.linalg.pinv(subsets, rcond=ROUNDING) * used.swapaxes(1, 2)) @ targets
+    left = np.sum((targets - subsets @ found) ** 2, axis=1)
+    left[(found < 0.0).any(axis=1)] = np.inf
+    best, each = np.argmin(left, axis=0), np.arange(targets.shape[1])
+    return left[best, each], found[best, :, each].T
 
 
 class Judged(NamedTuple):
-    """A reading of a log, and what it makes of the reports."""
+    """A reading of logs, and what it makes of the reports."""
 
     reading: Reading
-    reports: tuple[Report, ...]
-    """Of the driven joints, (m,)."""
-    strays: FloatArray
-    """(parts, m) how far the reports stray from the need in thirds of the log: power of the
+    reports: tuple[tuple[Report, ...], ...]
+    """Of each log, those of the driven joints, (m,)."""
+    strays: tuple[FloatArray, ...]
+    """Of each log, (parts, m) how far the reports stray from the need in thirds of it: power of the
     difference over the geometric mean of the powers of both. Nothing is fitted, so no gain,
     friction or inertia can take the place of what the links need."""
 
+    def score(self, as_is: Judged, logs: Sequence[int]) -> float:
+        """Return the weight of this reading of some logs, none if it brings no report closer."""
+        return self.weight(as_is, logs) if self.closer(as_is, logs) else -inf
+
+    def weight(self, as_is: Judged, logs: Sequence[int]) -> float:
+        """Return the log of prior times evidence if some logs are read so, others as they stand."""
+        each = [(self if k in logs else as_is).reports[k] for k in range(len(self.reports))]
+        return self.reading.prior + log_evidence(each)
+
+    def changed(self, as_is: Judged, logs: Sequence[int]) -> list[tuple[int, int]]:
+        """Return (log, joint) of the reports that this reading changes."""
+        pairs = [(k, j) for k in logs for j in range(len(self.reports[k]))]
+        return [(k, j) for k, j in pairs if self.reports[k][j] is not as_is.reports[k][j]]
+
+    def explained(self, as_is: Judged, logs: Sequence[int]) -> tuple[float, float]:
+        """Return the share of power explained before and after, of the joints that change."""
+        pairs = self.changed(as_is, logs)
+        now, then = ([one.reports[k][j] for k, j in pairs] for one in (as_is, self))
+        return explained_share(now), explained_share(then)
+
+    def closer(self, as_is: Judged, logs: Sequence[int]) -> bool:
+        """Whether this reading brings reports closer to the need.
+
+        A correction that does not, explains the reports by its gain and friction, and not by the
+        links. Nor is an exchange true that explains less than before. Joints have errors of their
+        own size: a report of friction alone strays a hundred times as far as one that follows its
+        need, and does not outweigh it.
+        """
+        now, then = self.explained(as_is, logs)
+        farther = 0.0
+        for k, j in self.changed(as_is, logs):
+            # What follows no need, read in either way, strays as chance has it.
+            if min(one.reports[k][j].left for one in (as_is, self)) < _FOLLOWS:
+                farther += float(np.log(self.strays[k][:, j] / as_is.strays[k][:, j]).sum())
+        return farther < 0.0 and (then >= now or not self.reading.exchanged)
+
+
+def explained_share(reports: Sequence[Report]) -> float:
+    """Return the share of the power of reports that is explained."""
+    whole = sum(one.size**2 for one in reports)
+    left = sum(min(one.left, 1.0) * one.size**2 for one in reports)
+    return 1.0 - left / whole if whole > 0.0 else 0.0
+
 
 class Bench:
-    """Holds one log against its robot; each need and each report is computed once."""
+    """Holds logs against their robot; each need and each report is computed once."""
 
-    def __init__(self, rows: LogRows, share: float = 1.0) -> None:
-        """Judge the log as it stands.
+    def __init__(self, rows: Sequence[LogRows], shares: Sequence[float]) -> None:
+        """Judge the logs as they stand.
 
         Args:
-            rows: of the log.
-            share: of its samples that count: a run that is repeated n times says the nth part.
+            rows: of each log.
+            shares: of its samples that count: a run that is repeated n times says the nth part.
         """
-        self.rows = rows
-        self._share = share
-        self._needs: dict[bytes, Need] = {}
-        self._reports: dict[bytes, Report] = {}
-        self._idle: dict[int, float] = {}
+        self.rows, self._shares = rows, shares
+        self._needs: dict[tuple[Any, ...], Need] = {}
+        self._reports: dict[tuple[Any, ...], Report] = {}
+        self._idle: dict[tuple[int, int], float] = {}
         self.as_is = self.judged(Reading())
 
     def judged(self, reading: Reading) -> Judged:
-        """Return what a reading makes of the reports of all driven joints."""
-        rows, gears = self.rows, self.rows.robot.transmission
+        """Return what a reading makes of the reports of all driven joints in all logs."""
+        each = []
+        for log in range(len(self.rows)):
+            stands = reading.logs is not None and log not in reading.logs
+            each.append(self._of_log(log, Reading() if stands else reading))
+        return Judged(reading, *zip(*each, strict=True))
+
+    def _of_log(self, log: int, reading: Reading) -> tuple[tuple[Report, ...], FloatArray]:
+        rows = self.rows[log]
         rules = parse_column_map(reading.mend).rules
         moved = linear([f"{joint}.position" for joint in rows.robot.single_joints], rules)[:3]
         sources, factor, _, lag = linear(rows.torques, rules)
-        place = b"".join([*(part.tobytes() for part in moved), b"%g" % reading.weight])
+        place = (log, *(part.tobytes() for part in moved), reading.weight)
         if place not in self._needs:
             self._needs[place] = rows.need(*moved, weight=reading.weight)
         need = self._needs[place]
         torque = (rows.late(lag) if lag.any() else rows.torque)[:, sources]
         torque = torque * (factor * rows.conversion / rows.conversion[sources])
         reports = []
-        for k, source in enumerate(sources):
-            key = place + torque[:, k].tobytes() + bytes([k])
+        for k, source in enumerate(map(int, sources)):
+            key = (place, k, torque[:, k].tobytes())
             if key not in self._reports:
-                count = self._share * float(rows.samples[source])
+                count = self._shares[log] * float(rows.samples[source])
                 told = report(rows, need, k, torque[:, k], count)
                 # What means nothing does so however it is read.
-                idle = self._idle.setdefault(int(source), told.idle)
+                idle = self._idle.setdefault((log, source), told.idle)
                 self._reports[key] = told._replace(idle=idle)
             reports.append(self._reports[key])
-        whole = need.links + gears.reflected_inertia * need.change
+        whole = need.links + rows.robot.transmission.reflected_inertia * need.change
         size = np.sqrt(np.mean(torque**2, axis=0) * np.mean(whole**2, axis=0))
         parts = np.array_split((torque - whole) ** 2, _PARTS)
         powers = np.array([part.mean(axis=0) for part in parts])
-        return Judged(reading, tuple(reports), powers / np.maximum(size, 1e-300))
+        return tuple(reports), powers / np.maximum(size, 1e-300)
 
 
 def linear(
@@ -396,24 +408,22 @@ _MOVED[0] = 0.0
 _DRAWN_OFF = 0.3  # [rad] by which a drawing or a loose encoder may be off; beyond it a column is
 
 
-def shared_lags(logs: Sequence[LogRows], least: float) -> list[tuple[list[int], float]]:
+def shared_lags(bench: Bench, least: float) -> list[tuple[list[int], float]]:
     """Return the joints whose torques are late, and by how much [s]: all of them, or some alone.
 
-    A late torque is r(t) = f(t - tau), so r + tau r' is what the motion makes. Bus and filter are
-    the same for all joints and rows, or for one joint in all rows; what else looks like a lag is
-    another one at each.
+    Bus and filter are the same for all joints and rows, or for one joint in all rows; what else
+    looks like a lag is another one at each.
 
     Args:
-        logs: of one robot, at least one.
+        bench: of logs of one robot.
         least: lag that counts [s]: within a sample it is a matter of when a drive samples.
     """
-    asked = [(rows, rows.need()) for rows in logs]
-    driven = range(asked[0][0].torque.shape[1])
-    moving = [k for k in driven if all(np.ptp(rows.torque[:, k]) > 0.0 for rows in logs)]
+    asked = [(rows, rows.need()) for rows in bench.rows]
+    torques = zip(*(rows.torque.T for rows in bench.rows), strict=True)
+    moving = [k for k, each in enumerate(torques) if all(np.ptp(one) > 0.0 for one in each)]
     if len(moving) < 2:
         return []
-    lag = _agreed(asked, moving, least, 1)
-    if lag:
+    if lag := _agreed(asked, moving, least, 1):
         return [(moving, lag)]
     sizes = np.array([np.mean(_lags(asked, [k], 0.0, _PARTS)[0] ** 2) for k in moving])
     others = np.sqrt((sizes.sum() - sizes) / (len(moving) - 1))
@@ -421,17 +431,16 @@ def shared_lags(logs: Sequence[LogRows], least: float) -> list[tuple[list[int], 
     return [one for one, other in zip(alone, others, strict=True) if one[1] > _APART * other]
 
 
-Asked: TypeAlias = Sequence[tuple[LogRows, Need]]
+_Asked: TypeAlias = Sequence[tuple[LogRows, Need]]
 
 
-def _agreed(asked: Asked, joints: Sequence[int], least: float, parts: int) -> float:
+def _agreed(asked: _Asked, joints: Sequence[int], least: float, parts: int) -> float:
     """Return the lag [s] that joints share in every part of the logs, 0 where they do not."""
     lag = 0.0
     for _ in range(_SHIFTS):
         lags, errors = _lags(asked, joints, lag, parts)
-        usual = float(np.median(lags))
         # A report that follows no need tells no lag; none tells more than lags are alike.
-        weights = (1.0 / np.hypot(errors, _ALIKE_LAGS * usual)) ** 2
+        weights = (1.0 / np.hypot(errors, _ALIKE_LAGS * np.median(lags))) ** 2
         whole = float(weights.sum())
         lag = float(weights @ lags) / whole
         count = whole**2 / float(weights @ weights)
@@ -441,41 +450,39 @@ def _agreed(asked: Asked, joints: Sequence[int], least: float, parts: int) -> fl
 
 
 def _lags(
-    asked: Asked, joints: Sequence[int], lag: float, parts: int
+    asked: _Asked, joints: Sequence[int], lag: float, parts: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return by how much the torques of joints are late [s] in each part, and standard errors.
+    """Return by how much torques of joints are late [s] in each part of logs, and standard errors.
 
-    Near a first guess of it.
+    A late torque is r(t) = f(t - tau), so r is what the motion makes and -tau r', with r moved back
+    by a first guess of the lag.
     """
-    told = [
-        _lag(rows, need, lag, k, part)
-        for rows, need in asked
-        for k in joints
-        for part in np.array_split(np.arange(len(need.speed)), parts)
-    ]
+    told = []
+    for (rows, need), joint in product(asked, joints):
+        step = 1.0 / rows.rate
+        before, reported, after = (rows.late(t)[:, joint] for t in (lag - step, lag, lag + step))
+        causes, drawn = need_columns(need, joint)
+        drawn = drawn + rows.robot.transmission.reflected_inertia[joint] * need.change[:, joint]
+        fall = (before - after) / (2.0 * step)
+        table = np.column_stack([causes[:, 1:], drawn, fall, reported])
+        # Errors of the model repeat themselves: only independent samples count, if any.
+        samples = min(max(float(rows.samples[joint]), 1e-12), MOST_SAMPLES)
+        told += [_slope(part, samples) for part in np.array_split(table, parts)]
     more, errors = np.array(told).T
     return lag + more, errors
 
 
-def _lag(rows: LogRows, need: Need, lag: float, joint: int, part: IntArray) -> tuple[float, float]:
-    """Return by how much more than `lag` a torque is late [s] in some rows, and its error."""
-    step = 1.0 / rows.rate
-    before, reported, after = (rows.late(t)[part, joint] for t in (lag - step, lag, lag + step))
-    slope = (after - before) / (2.0 * step)
-    causes, drawn = need_columns(need, joint)
-    drawn = drawn + rows.robot.transmission.reflected_inertia[joint] * need.change[:, joint]
-    causes, drawn = causes[part], drawn[part]
-    table = np.column_stack([causes, drawn, -causes[:, 0], -slope, slope])
+def _slope(table: FloatArray, samples: float) -> FloatArray:
+    """Return (2,) the factor of the last but one column in the last, of either sign, and its error.
+
+    The factors of the columns before are not below zero, and the offset is free.
+    """
+    table = table - table.mean(axis=0)
     size = np.maximum(np.linalg.norm(table, axis=0), 1e-300)
-    scaled, rest = nnls(table / size, reported)
-    found = scaled / size
-    # A report that tells nothing has none.
-    samples = min(max(float(rows.samples[joint]), 1e-12), MOST_SAMPLES)
-    others = table[:, :-2] / size[:-2]
-    alone = slope - others @ np.linalg.lstsq(others, slope, rcond=ROUNDING)[0]
-    # Errors of the model repeat themselves: only independent samples count.
-    error = rest / np.sqrt(samples) / max(float(np.linalg.norm(alone)), 1e-300)
-    return float(found[-2] - found[-1]), error
+    causes, told = (table / size)[:, :-1], (table / size)[:, -1]
+    found, left = nnls(np.column_stack([causes, -causes[:, -1]]), told)
+    error = left / np.sqrt(samples) * np.linalg.norm(np.linalg.pinv(causes, rcond=ROUNDING)[-1])
+    return np.array([found[-2] - found[-1], error]) * float(size[-1] / size[-2])
 
 
 def other_zeros(logs: Sequence[LogRows]) -> list[tuple[int, float, float, tuple[int, ...]]]:
@@ -491,22 +498,21 @@ def other_zeros(logs: Sequence[LogRows]) -> list[tuple[int, float, float, tuple[
         which leaves to the diagnosis what is less than a drawing may be off by; and for every log
         in which the joint's zero is another one than in all.
     """
-    found: list[tuple[int, float, float, tuple[int, ...]]] = []
-    every = tuple(range(len(logs)))
+    found: dict[tuple[int, int], tuple[float, tuple[int, ...]]] = {}
     robot = logs[0].robot
     for i, joint in enumerate(robot.single_joints if logs[0].weighs else ()):
         if slides(robot, joint):
             continue
         each = np.array([_on_circle(rows, i) for rows in logs])
-        whole = each.sum(axis=0)
-        shared, prior, stands = _likeliest(whole)
+        shared, prior, stands = _likeliest(each.sum(axis=0))
         if stands and abs(_ZEROS[shared]) > _DRAWN_OFF:
-            found.append((i, float(_ZEROS[shared]), prior, every))
+            found[i, shared] = prior, tuple(range(len(logs)))
         for k, one in enumerate(each if len(logs) > 1 else ()):
             own, prior, _ = _likeliest(one)
             if one[own] + prior > one[stands]:
-                found.append((i, float(_ZEROS[own]), prior, (k,)))
-    return found
+                prior, having = found.get((i, own), (prior, ()))
+                found[i, own] = prior, tuple(sorted({*having, k}))
+    return [(i, float(_ZEROS[n]), *told) for (i, n), told in found.items()]
 
 
 def _likeliest(at: FloatArray) -> tuple[int, float, int]:

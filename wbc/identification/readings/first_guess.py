@@ -5,13 +5,13 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.errors import RobotError
 from wbc.files import write_text
 from wbc.identification.readings.checks import check_robot
@@ -19,10 +19,9 @@ from wbc.identification.readings.mistakes import find_suspicions, single_ratios,
 from wbc.measurement.column_map import merged, parse_column_map
 from wbc.measurement.guess import MapGuess, guess_table
 from wbc.measurement.log import LIKELY, LogFinding
-from wbc.measurement.names import MOTION, NameGuess, guess_names_of, joints_of
+from wbc.measurement.names import MOTION, guess_names_of, joints_of
 from wbc.measurement.read import load_logs
 from wbc.measurement.schema import LOG_UNITS
-from wbc.measurement.tables import Table
 from wbc.robot import Robot
 from wbc.robot.model_file import driven_joints, read_model, xml_root
 
@@ -41,20 +40,7 @@ Ratio: TypeAlias = tuple[float, str]
 """Turns of the motor per turn of the joint, without sign, and the columns that tell it."""
 
 
-class RowGuess(NamedTuple):
-    """A guessed column map after the rows were held against the robot."""
-
-    table: Mapping[str, Any]
-    """The map."""
-    reasons: tuple[str, ...]
-    """Why its lines say what they say."""
-    told: Mapping[str, tuple[float, float]]
-    """How well the rows tell the columns of each joint, see `told_by_rows`."""
-    lacking: tuple[LogFinding, ...]
-    """What the logs lack that a diagnosis needs, and columns that are refused."""
-
-
-def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> RowGuess:
+def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> MapGuess:
     """Return a guess corrected by what the rows say against the robot.
 
     Joints by motion and torque, units by derivative, sides by ratio, signs by gravity.
@@ -87,7 +73,9 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Row
     refused = [finding for finding in found if finding.severity == "error"]
     lacking = {finding.text: finding for finding in [*lacks[0], *refused]}
     told = told_by_rows(robot, logs)
-    return RowGuess(table, tuple(dict.fromkeys(reasons)), told, tuple(lacking.values()))
+    reasons = list(dict.fromkeys(reasons))
+    wanted = tuple(lacking.values())
+    return replace(start, table=table, reasons=tuple(reasons), told=told, lacking=wanted)
 
 
 def _denied(finding: LogFinding, table: Mapping[str, Any]) -> bool:
@@ -162,18 +150,11 @@ def write_robot(
     for joint in ("*", *own) if shared else own:
         ratio, inertia = stated.get(joint, (None, None))
         told, why = ratios.get(joint, (1.0, "torque is then taken behind the gear"))
-        lines += [
-            "",
-            f'[gears."{joint}"]',
-            _number("gear_ratio", ratio, told, "1", why),
-            _number("rotor_inertia", inertia, 0.0, "kg m^2", "the diagnosis can find it"),
-        ]
-        if joint in targets:
-            why = "it scales every torque: the gains of the drive make the torque of the target"
-            lines += [
-                _number("kp", None, _KP, "N m/rad", why),
-                _number("kd", None, _KD, "N m s/rad", "as kp"),
-            ]
+        known = "it scales every torque: the gains of the drive make the torque of the target"
+        gains = [("kp", None, _KP, "N m/rad", known), ("kd", None, _KD, "N m s/rad", "as kp")]
+        inertias = ("rotor_inertia", inertia, 0.0, "kg m^2", "the diagnosis can find it")
+        lines += ["", f'[gears."{joint}"]', _number("gear_ratio", ratio, told, "1", why)]
+        lines += [_number(*one) for one in (inertias, *(gains if joint in targets else ()))]
     return write_text(Path(target), "\n".join(lines) + "\n")
 
 
@@ -223,30 +204,18 @@ def guess_ratios(
     motors = sorted((g for g in guesses if g.rotor), key=lambda g: g.quantity, reverse=True)
     for rotor in motors:  # by velocities first
         joint, (name, _) = own.get((rotor.owner, rotor.quantity)), named.get(rotor.owner, ("", ""))
-        if joint and name and name not in found and (value := _ratio(table, rotor, joint)):
-            found[name] = value, f"from the rows: '{rotor.name}' over '{joint.name}' in the log"
+        if not joint or not name or name in found or bool(rotor.unit) != bool(joint.unit):
+            continue
+        worth = [LOG_UNITS[g.unit][1] if g.unit else 1.0 for g in (joint, rotor)]
+        both = np.stack([table.numbers(joint.name), table.numbers(rotor.name)])
+        both = both[:, np.isfinite(both).all(axis=0)] * np.array(worth)[:, None]
+        if both.shape[1] < 3:
+            continue
+        (turned, shared), (_, driven) = np.cov(both)
+        # Play, flexible gears and noise leave little of the motor's motion. The ratio is read from
+        # the motor, whose encoder turns further and whose noise counts the least.
+        if shared and shared**2 >= (1.0 - _OTHERWISE) * turned * driven:
+            ratio = float(f"{abs(driven / shared):.4g}")
+            if abs(ratio - 1.0) > _DIRECT:
+                found[name] = ratio, f"from the rows: '{rotor.name}' over '{joint.name}' in the log"
     return found
-
-
-def _ratio(table: Table, rotor: NameGuess, joint: NameGuess) -> float:
-    """Return how many times one column follows the other; 0 where the rows do not tell."""
-    if bool(rotor.unit) != bool(joint.unit):
-        return 0.0
-    worth = {column: LOG_UNITS[column.unit][1] if column.unit else 1.0 for column in (joint, rotor)}
-    ratio = abs(_turns_ratio(*(table.numbers(c.name) * factor for c, factor in worth.items())))
-    return float(f"{ratio:.4g}") if abs(ratio - 1.0) > _DIRECT else 0.0
-
-
-def _turns_ratio(joint: FloatArray, motor: FloatArray) -> float:
-    """Return how many times one motion (N,) is another (N,), 0 where they are not the same motion.
-
-    Play, flexible gears and noise leave little of the motor's motion; at 1 % the ratio is off by no
-    more than a hundredth. It is read from the motor, whose encoder turns further and whose noise
-    counts the least.
-    """
-    known = np.isfinite(joint) & np.isfinite(motor)
-    x, y = (values[known] - np.mean(values[known]) for values in (joint, motor))
-    both = float(x @ y)
-    if x.size < 3 or both**2 < (1.0 - _OTHERWISE) * float(x @ x) * float(y @ y) or both == 0.0:
-        return 0.0
-    return float(y @ y) / both

@@ -25,7 +25,7 @@ from wbc.robot.coordinates import slides
 _SOMEWHERE = ln(0.01)
 _RARE = ln(0.003)
 Lag: TypeAlias = tuple[Sequence[int], float]
-Zero: TypeAlias = tuple[int, float, float]
+Zero: TypeAlias = tuple[int, float, float, tuple[int, ...]]
 
 # How far turning joints travel in a log [rad]: 32 joints of seven recorded robots have a median of
 # 1.8 and a standard deviation of the logarithm of 0.84. One in ten may be anything else.
@@ -47,6 +47,7 @@ class Reading:
         weight: share of what gravity needs that the torques hold: 1, 0 without, -1 upside down.
         rivals: log prior of what is no mistake of a column and needs the same torque.
         exchanged: driven joints that have each other's columns.
+        logs: numbers of those that are read so, None for all.
     """
 
     kind: str = ""
@@ -56,27 +57,26 @@ class Reading:
     weight: float = 1.0
     rivals: float = -inf
     exchanged: tuple[int, ...] = ()
+    logs: tuple[int, ...] | None = None
 
 
 def readings(
     rows: LogRows, lost: BoolArray, doubtful: bool, lags: Sequence[Lag], zeros: Sequence[Zero]
 ) -> Iterator[Reading]:
-    """Yield the log as it stands, and then every mistake with the reading that undoes it.
+    """Yield every mistake with the reading that undoes it.
 
     Args:
-        rows: of the log.
+        rows: of the first log; others have the same columns.
         lost: (m,) driven joints whose report does not follow the need as the log stands; only
             theirs may be exchanged.
         doubtful: whether any report leaves more than physics usually does; only then gravity
             is asked about.
         lags: joints, by number, whose torques share a lag [s].
         zeros: single joints, by number, what may have to be added to their positions [rad], and
-            the log prior of it.
+            the log prior of it, and the numbers of the logs.
     """
-    yield Reading()
-    yield from _signs(rows)
+    yield from _signs_and_sides(rows)
     yield from _units(rows)
-    yield from _sides(rows)
     yield from _exchanges(rows, lost)
     yield from _late(rows, lags)
     yield from _zeros(rows, zeros)
@@ -87,19 +87,34 @@ def readings(
         yield Reading("upside_down", text, _SOMEWHERE, weight=-1.0)
 
 
-def _signs(rows: LogRows) -> Iterator[Reading]:
-    """Yield torques and positions whose sign is the other way round."""
-    for chosen in _all_or_one(rows.torques):
-        many = len(chosen) > 1
-        text = (
-            f"the sign{'s' if many else ''} of {listed(chosen)} {'are' if many else 'is'} reversed"
-        )
+def _signs_and_sides(rows: LogRows) -> Iterator[Reading]:
+    """Yield torques and positions of the other sign, and torques of the other side of the gear."""
+    ratios = dict(zip(rows.torques, map(float, rows.robot.transmission.gear_ratio), strict=True))
+    for names in _all_or_one(rows.torques):
+        chosen, many = listed(names), len(names) > 1
+        text = f"the sign{'s' if many else ''} of {chosen} {'are' if many else 'is'} reversed"
         prior = EVERYWHERE if many else _SOMEWHERE
-        yield _mended("torque_sign", text, prior, {name: {"sign": -1} for name in chosen})
+        yield _mended("torque_sign", text, prior, {name: {"sign": -1} for name in names})
+        quantities = {name.rpartition(".")[2] for name in names}
+        if all(abs(ratios[name]) == 1.0 for name in names) or len(quantities) > 1:
+            continue
+        prior = EVERYWHERE if names == rows.torques else _RARE
+        for power in (1.0, -1.0):
+            columns: dict[str, dict[str, Any]] = {
+                name: {"scale": abs(ratios[name]) ** power} for name in names
+            }
+            text = f"the gear ratio was applied once too often to {chosen}"
+            if quantities == {"current"}:
+                text = f"the torque constants behind {chosen} belong to the other side of the gear"
+            if (quantities, power) in (({"rotor_torque"}, -1.0), ({"motor_torque"}, 1.0)):
+                side, when = ("motor", "after") if power < 0.0 else ("rotor", "before")
+                text = f"the log gives torque {when} the reduction as {chosen}"
+                columns = {name: {"side": side, "gear_ratio": ratios[name]} for name in names}
+            yield _mended("gear_side", text, prior, columns)
     for joint in rows.robot.single_joints:
-        columns = {name: {"sign": -1} for name in encoder_columns(rows.log, joint)}
+        mirrored = {name: {"sign": -1} for name in encoder_columns(rows.log, joint)}
         text = f"the sign of {joint}.position is reversed"
-        yield _mended("position_sign", text, _SOMEWHERE, columns)
+        yield _mended("position_sign", text, _SOMEWHERE, mirrored)
 
 
 def _units(rows: LogRows) -> Iterator[Reading]:
@@ -141,29 +156,6 @@ def _travels(log: Log, joint: str, factor: float) -> float:
     return float(density[1] - density[0])
 
 
-def _sides(rows: LogRows) -> Iterator[Reading]:
-    """Yield torques of the other side of the gear."""
-    ratios = dict(zip(rows.torques, map(float, rows.robot.transmission.gear_ratio), strict=True))
-    for names in _all_or_one(rows.torques):
-        quantities = {name.rpartition(".")[2] for name in names}
-        if all(abs(ratios[name]) == 1.0 for name in names) or len(quantities) > 1:
-            continue
-        chosen, prior = listed(names), EVERYWHERE if names == rows.torques else _RARE
-        for power in (1.0, -1.0):
-            if (quantities, power) in (({"rotor_torque"}, -1.0), ({"motor_torque"}, 1.0)):
-                side, when = ("motor", "after") if power < 0.0 else ("rotor", "before")
-                text = f"the log gives torque {when} the reduction as {chosen}"
-                columns = {name: {"side": side, "gear_ratio": ratios[name]} for name in names}
-            else:
-                text = f"the gear ratio was applied once too often to {chosen}"
-                if quantities == {"current"}:
-                    text = (
-                        f"the torque constants behind {chosen} belong to the other side of the gear"
-                    )
-                columns = {name: {"scale": abs(ratios[name]) ** power} for name in names}
-            yield _mended("gear_side", text, prior, columns)
-
-
 def _exchanges(rows: LogRows, lost: BoolArray) -> Iterator[Reading]:
     """Yield pairs of joints whose columns are exchanged."""
     driven, names = rows.robot.transmission.joints, rows.torques
@@ -195,7 +187,7 @@ def _late(rows: LogRows, lags: Sequence[Lag]) -> Iterator[Reading]:
 def _zeros(rows: LogRows, zeros: Sequence[Zero]) -> Iterator[Reading]:
     """Yield positions whose zero is another one."""
     model = rows.robot.model
-    for i, turn, prior in zeros:
+    for i, turn, prior, logs in zeros:
         joint = rows.robot.single_joints[i]
         # Behind the last joint of a chain, a link that is turned needs the same torque.
         last = len(model.subtrees[model.getJointId(joint)]) == 1
@@ -203,7 +195,7 @@ def _zeros(rows: LogRows, zeros: Sequence[Zero]) -> Iterator[Reading]:
         text = f"the zero of {joint}.position is off by {degrees(-turn):.0f} degrees"
         columns = {name: {"offset": turn} for name in names}
         rivals = prior - ln(3.0) if last else -inf
-        yield _mended("position_zero", text, prior, columns, rivals=rivals)
+        yield _mended("position_zero", text, prior, columns, rivals=rivals, logs=logs)
 
 
 def _mended(

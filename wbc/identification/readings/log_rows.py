@@ -17,9 +17,8 @@ from wbc.identification.records.channels import read_channels, typical_inertia, 
 from wbc.identification.records.drives import reported_share, torque_sources
 from wbc.identification.records.filters import smoothed
 from wbc.measurement.checks import resting_joints
-from wbc.measurement.clocks import longest_piece, too_short
 from wbc.measurement.filters import derivative, differentiate, low_pass
-from wbc.measurement.log import Log
+from wbc.measurement.log import Log, longest_piece, too_short
 from wbc.measurement.schema import REPORTED
 from wbc.robot import Motion, Robot
 

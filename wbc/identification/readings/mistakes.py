@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -10,33 +10,13 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wbc.errors import LogError
-from wbc.identification.readings.evidence import (
-    GAIN_PRIOR,
-    GAINS,
-    SAME_GAIN,
-    Bench,
-    Judged,
-    Report,
-    at_gains,
-    evidence,
-    foreign,
-    other_zeros,
-    ratio_evidence,
-    shared_lags,
-)
+from wbc.identification.readings import evidence
+from wbc.identification.readings.evidence import Judged
 from wbc.identification.readings.kinds import Reading, readings
 from wbc.identification.readings.log_rows import rows_of
+from wbc.measurement import column_mistakes
 from wbc.measurement.checks import find_repeats, resting_joints
 from wbc.measurement.column_map import say_so, together
-from wbc.measurement.column_mistakes import (
-    COUNTS_OF_A_TURN,
-    magnitudes,
-    motion_findings,
-    stale_rows,
-    together_likely,
-    whole_counts,
-    wraps,
-)
 from wbc.measurement.log import CERTAIN, LIKELY, Log, LogFinding, severity
 from wbc.measurement.read import mended
 from wbc.robot import Robot
@@ -96,10 +76,10 @@ def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[lis
             certain = [f.mend for f in own if f.probability >= CERTAIN]
             clean[k] = mended(clean[k], together(certain))
 
-    add([stale_rows(log) for log in clean])
-    add([wraps(log) for log in clean])
-    add(_shared([motion_findings(log, ratios) for log in clean]))
-    refused = magnitudes(logs)
+    add([column_mistakes.stale_rows(log) for log in clean])
+    add([column_mistakes.wraps(log) for log in clean])
+    add(column_mistakes.motion_findings(clean, ratios))
+    refused = column_mistakes.magnitudes(logs)
     add([refused for _ in logs])
     counted = [_counts(log) for log in clean]
     if robot is not None and not refused:
@@ -118,10 +98,10 @@ def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[lis
 
 def _counts(log: Log) -> list[LogFinding]:
     """Return what to do about positions that hold encoder counts, of which nothing says more."""
-    held = whole_counts(log)
+    held = column_mistakes.whole_counts(log)
     if not held:
         return []
-    entry = {"columns": {name: {"scale": COUNTS_OF_A_TURN[4096]} for name in held}}
+    entry = {"columns": {name: {"scale": column_mistakes.COUNTS_OF_A_TURN[4096]} for name in held}}
     text = "whole numbers far beyond turns: encoder counts."
     way = "Of an encoder of 4096 counts a turn, " + say_so(entry)
     way += "\nOf another, put 2 pi over its counts there."
@@ -192,36 +172,18 @@ def motionless(robot: Robot, logs: Sequence[Log]) -> LogFinding | None:
 def single_ratios(robot: Robot) -> dict[str, float]:
     """Return N of the joints that one motor drives alone (row and column of D are the identity)."""
     gears = robot.transmission
-    topology = np.abs(gears.topology - np.eye(gears.size)) > 0.0
-    return {
-        joint: float(gears.gear_ratio[k])
-        for k, joint in enumerate(gears.joints)
-        if not topology[k].any() and not topology[:, k].any()
-    }
-
-
-def _shared(found: Sequence[Sequence[LogFinding]]) -> list[list[LogFinding]]:
-    """Return the findings, those that several logs show with the probability of all together."""
-    shown: dict[str, list[float]] = {}
-    for finding in (f for own in found for f in own):
-        shown.setdefault(repr(finding.mend), []).append(finding.probability)
-    likely = {mend: together_likely(each) for mend, each in shown.items()}
-
-    def judged(finding: LogFinding) -> LogFinding:
-        probability = likely[repr(finding.mend)]
-        return replace(finding, severity=severity(probability), probability=probability)
-
-    return [list(map(judged, own)) for own in found]
+    odd = np.abs(gears.topology - np.eye(gears.size)) > 0.0
+    alone = np.flatnonzero(~(odd.any(axis=0) | odd.any(axis=1)))
+    return {gears.joints[k]: float(gears.gear_ratio[k]) for k in alone}
 
 
 POSSIBLE = 0.5
 """Probability of any mistake from which logs leave open whether they are right. Of ten right logs
 of 5 to 10 s (seven of a recorded double pendulum, three of the sample leg) none is above 0.04."""
-# Share of a report's power left, from which its column follows none, from which it may be another
-# joint's where there are many joints, and from which gravity and zeros are asked about. Of 2114
-# true reports of generated robots with hidden causes 2 % leave more than 0.13, 8 % more than
-# 0.015; exchanged wrists leave less.
-_LOST, _RARELY_LEFT, _DOUBTFUL = 0.3, 0.13, 0.015
+# Share of a report's power left, from which it may be another joint's where there are many joints,
+# and from which gravity and zeros are asked about. Of 2114 true reports of generated robots with
+# hidden causes 2 % leave more than 0.13, 8 % more than 0.015; exchanged wrists leave less.
+_RARELY_LEFT, _DOUBTFUL = 0.13, 0.015
 _TIED = 2.0  # nats: odds of seven to one
 _PAIRS = 7  # driven joints up to which any may be exchanged: half a second per log
 # Share of the power of a report that a reading must explain to accuse anybody: with counts for
@@ -247,14 +209,16 @@ def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[Found]:
     found: list[Found] = []
     current = list(logs)
     while len(found) < _MOST:
-        judged = _tables(robot, current)
+        numbers, judged = _judged(robot, current)
         if not judged:
             return found
         likeliest = _likeliest(robot, judged)
         if likeliest is None:
-            return found or _late(judged) or _foreign(robot, judged) or _other_scale(robot, judged)
-        found.append(likeliest)
-        mistake, having = likeliest
+            more = _late(judged) or _foreign(robot, judged) or _other_scale(robot, judged[0])
+            return found or [(finding, numbers) for finding in more]
+        mistake, own = likeliest
+        having = tuple(numbers[k] for k in own)
+        found.append((mistake, having))
         if mistake.probability < CERTAIN or not mistake.mend:
             return found
         for k in having:
@@ -262,73 +226,64 @@ def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[Found]:
     return found
 
 
-_Tables = Mapping[int, Mapping[str, Judged]]
+def _judged(robot: Robot, logs: Sequence[Log]) -> tuple[tuple[int, ...], list[Judged]]:
+    """Return the numbers of logs that can be held against a robot, and every reading of them.
 
-
-def _tables(robot: Robot, logs: Sequence[Log]) -> _Tables:
-    """Return every reading of each log that can be held against the robot, by its text."""
+    The first is that they are right.
+    """
     each = {k: rows_of(robot, log) for k, log in enumerate(logs)}
     known = {k: rows for k, rows in each.items() if rows is not None}
     if not known:
-        return {}
-    alike = {k: len(group) for group in find_repeats(logs) for k in group}
-    lags = shared_lags(list(known.values()), max(logs[k].sample_time for k in known))
-    benches = {k: Bench(rows, 1.0 / alike.get(k, 1)) for k, rows in known.items()}
-    least = 0.0 if robot.transmission.size <= _PAIRS else _RARELY_LEFT
+        return (), []
+    alike, rows = {k: len(group) for group in find_repeats(logs) for k in group}, [*known.values()]
+    bench = evidence.Bench(rows, [1.0 / alike.get(k, 1) for k in known])
+    lags = evidence.shared_lags(bench, max(logs[k].sample_time for k in known))
     # A mistake of all logs must be read in all of them: what one log shows is asked of the others.
-    left = [[one.left for one in bench.as_is.reports] for bench in benches.values()]
-    most = np.max(left, axis=0)
-    lost, doubtful = most > least, bool(np.any(most > _DOUBTFUL))
-    zeros = other_zeros(list(known.values())) if doubtful else []
-    offsets = {
-        k: [(i, by, prior) for i, by, prior, of in zeros if n in of] for n, k in enumerate(known)
-    }
-    return {
-        k: {
-            reading.text: bench.judged(reading)
-            for reading in readings(known[k], lost, doubtful, lags, offsets[k])
-        }
-        for k, bench in benches.items()
-    }
+    most = np.max([[one.left for one in reports] for reports in bench.as_is.reports], axis=0)
+    lost = most > (0.0 if robot.transmission.size <= _PAIRS else _RARELY_LEFT)
+    doubtful = bool(np.any(most > _DOUBTFUL))
+    zeros = evidence.other_zeros(rows) if doubtful else []
+    others = readings(rows[0], lost, doubtful, lags, zeros)
+    return tuple(known), [bench.as_is, *map(bench.judged, others)]
 
 
-def _likeliest(robot: Robot, judged: _Tables) -> Found | None:
+def _likeliest(robot: Robot, judged: Sequence[Judged]) -> tuple[LogFinding, tuple[int, ...]] | None:
     """Return the likeliest mistake of all logs, or of those that are better read with it alone."""
-    every = tuple(judged)
-    first = judged[every[0]]
-    shared = [text for text in first if all(text in table for table in judged.values())]
-    scores = {(text, every): _score(text, judged, every) for text in shared}
-    stands, few = scores["", every], -float(np.log(len(every)))
-    for text in dict.fromkeys(text for table in judged.values() for text in table if text):
-        having = [k for k in every if text in judged[k]] if len(every) > 1 else []
-        own = tuple(k for k in having if _score(text, judged, (k,)) + few > stands)
+    as_is, *others = judged
+    every = tuple(range(len(as_is.reports)))
+    stands, few = as_is.weight(as_is, every), -float(np.log(len(every)))
+    scores: list[tuple[float, Judged, tuple[int, ...]]] = []
+    for one in others:
+        having = one.reading.logs or every
+        if having == every:
+            scores.append((one.score(as_is, every), one, every))
+        several = having if len(every) > 1 else ()
+        own = tuple(k for k in several if one.score(as_is, (k,)) + few > stands)
         if own and own != every:
-            scores[text, own] = _score(text, judged, own) + few
-    columns = logsumexp([score for (text, _), score in scores.items() if text])
+            scores.append((one.score(as_is, own) + few, one, own))
+    columns = logsumexp([score for score, *_ in scores])
     rivals = [
-        score + one.rivals - one.prior
-        for (text, logs), score in scores.items()
-        for one in [judged[logs[0]][text].reading]
+        score + one.reading.rivals - one.reading.prior
+        for score, one, logs in scores
         if logs == every  # no robot is another one in a single log
     ]
-    other, factor = ratio_evidence([table[""].reports for table in judged.values()])
+    other, factor = evidence.ratio_evidence(as_is.reports)
     other += _OTHER_RATIO
     known = bool(np.all(robot.transmission.reflected_inertia > 0.0))
     whole = logsumexp([columns, stands, *rivals, other if known else -np.inf])
     doubt = float(np.exp(other - whole))
     if known and doubt >= LIKELY and abs(np.log(factor)) >= _SAME_RATIO:
-        return _another_ratio(robot, judged, doubt, factor)
+        return _another_ratio(robot, doubt, factor), every
     doubt = float(np.exp(columns - whole))
-    ranked = sorted((pair for pair in scores if pair[0]), key=lambda pair: -scores[pair])
-    if not ranked or doubt < (POSSIBLE if ranked[0][1] == every else LIKELY):
+    scores.sort(key=lambda scored: -scored[0])
+    best, first, logs = scores[0]
+    if doubt < (POSSIBLE if logs == every else LIKELY):
         return None
-    (text, logs), best = ranked[0], scores[ranked[0]]
-    tied = [pair for pair in ranked[1:4] if best - scores[pair] < _TIED and pair[1] == logs]
-    held = {k: judged[k] for k in logs}
     least = _LEAST_EXPLAINED if doubt >= LIKELY else 1.0 - _RARELY_LEFT
-    if _explained(text, held)[1] < least:
+    if first.explained(as_is, logs)[1] < least:
         return None
-    return _told([text, *(other for other, _ in tied)], held, doubt, len(every))
+    tied = [one for score, one, own in scores[:4] if best - score < _TIED and own == logs]
+    return _told(tied, as_is, logs, doubt), logs
 
 
 def told_by_rows(robot: Robot, logs: Sequence[Log]) -> dict[str, tuple[float, float]]:
@@ -343,80 +298,33 @@ def told_by_rows(robot: Robot, logs: Sequence[Log]) -> dict[str, tuple[float, fl
         exchange with another joint; share of its torque's power that the motion explains). Empty
         where the logs cannot be held against the robot, or nothing can be exchanged.
     """
-    judged = _tables(robot, logs)
-    every, odds = tuple(judged), np.zeros(robot.transmission.size)
+    numbers, judged = _judged(robot, logs)
+    every, odds = tuple(range(len(numbers))), np.zeros(robot.transmission.size)
     if not judged or odds.size < 2:
         return {}
-    stands = _weight("", judged, every)
-    for text, one in judged[every[0]].items():
-        if (own := one.reading).exchanged:
-            odds[[*own.exchanged]] += np.exp(
-                min(_score(text, judged, every) - stands + Reading().prior - own.prior, 500.0)
-            )
-    shares = [_share([table[""].reports[k] for table in judged.values()]) for k in range(odds.size)]
+    as_is, *others = judged
+    stands = as_is.weight(as_is, every) - Reading().prior
+    for one in others:
+        if own := one.reading.exchanged:
+            gained = one.score(as_is, every) - one.reading.prior - stands
+            odds[[*own]] += np.exp(min(gained, 500.0))
+    shares = map(evidence.explained_share, zip(*as_is.reports, strict=True))
     told = zip((1.0 / (1.0 + odds)).tolist(), shares, strict=True)
     return dict(zip(robot.transmission.joints, told, strict=True))
 
 
-def _share(reports: Sequence[Report]) -> float:
-    """Return the share of the power of reports that is explained."""
-    whole = sum(one.size**2 for one in reports)
-    left = sum(min(one.left, 1.0) * one.size**2 for one in reports)
-    return 1.0 - left / whole if whole > 0.0 else 0.0
-
-
-def _score(text: str, judged: _Tables, logs: Sequence[int]) -> float:
-    """Return the weight of a reading of some logs, none if it brings no report closer."""
-    return _weight(text, judged, logs) if _closer(text, {k: judged[k] for k in logs}) else -np.inf
-
-
-def _weight(text: str, judged: _Tables, logs: Sequence[int]) -> float:
-    """Return the log of prior times evidence if some logs are read so, the others as they stand."""
-    read = [table[text if k in logs else ""].reports for k, table in judged.items()]
-    return judged[logs[0]][text].reading.prior + evidence(read)
-
-
-def _closer(text: str, judged: _Tables) -> bool:
-    """Whether a reading brings reports closer to the need.
-
-    A correction that does not, explains the reports by its gain and friction, and not by the links.
-    Nor is an exchange true that explains less than before. Joints have errors of their own size: a
-    report of friction alone strays a hundred times as far as one that follows its need, and does
-    not outweigh it.
-    """
-    if any(table[text].reading.exchanged for table in judged.values()):
-        now, then = _explained(text, judged)
-        if then < now:
-            return False
-    nearer = 0.0
-    for table in judged.values():
-        both = as_is, read = table[""], table[text]
-        for k in _changed(*both):
-            farther = float(np.log(read.strays[:, k] / as_is.strays[:, k]).sum())
-            # What follows no need, read in either way, strays as chance has it.
-            if min(one.reports[k].left for one in both) < _LOST:
-                nearer -= farther
-    return nearer > 0.0 or not text
-
-
-def _changed(as_is: Judged, read: Judged) -> list[int]:
-    """Return the joints whose report a reading changes."""
-    both = zip(as_is.reports, read.reports, strict=True)
-    return [k for k, (one, other) in enumerate(both) if one is not other]
-
-
-def _other_scale(robot: Robot, judged: _Tables) -> list[Found]:
+def _other_scale(robot: Robot, as_is: Judged) -> list[LogFinding]:
     """Return the torques that are as many times too large in all joints, or in one alone.
 
     A gear ratio, a torque constant and masses make the same factor; only a remark comes of it.
     """
     if robot.transmission.size < 2:
         return []
-    total, _ = at_gains([table[""].reports for table in judged.values()])
-    alike = logsumexp(SAME_GAIN + total, axis=1)
+    total, _ = evidence.at_gains(as_is.reports)
+    alike = logsumexp(evidence.SAME_GAIN + total, axis=1)
     names, every = robot.transmission.joints, np.arange(len(total))
-    own = logsumexp(GAIN_PRIOR + total, axis=1) - alike
-    whole = float(logsumexp(GAIN_PRIOR + total.sum(axis=0)) - alike.sum())
+    own = logsumexp(evidence.GAIN_PRIOR + total, axis=1) - alike
+    whole = float(logsumexp(evidence.GAIN_PRIOR + total.sum(axis=0)) - alike.sum())
     rivals = [every, *every[:, None]]
     odds = _OTHER_RATIO + np.array([whole, *own])
     best = int(np.argmax(odds))
@@ -424,20 +332,21 @@ def _other_scale(robot: Robot, judged: _Tables) -> list[Found]:
     if odds[best] < logsumexp(others):
         return []
     joints = rivals[best]
-    factor = GAINS[int(np.argmax(GAIN_PRIOR + total[joints].sum(axis=0)))]
+    factor = evidence.GAINS[int(np.argmax(evidence.GAIN_PRIOR + total[joints].sum(axis=0)))]
     which = ", ".join(names[k] for k in joints)
     text = f"torques of {which} are {factor:.2g} times what the links need."
-    return [(LogFinding("warning", "torque_scale", "", text, _SCALE, {}, 0.5), tuple(judged))]
+    return [LogFinding("warning", "torque_scale", "", text, _SCALE, {}, 0.5)]
 
 
-def _late(judged: _Tables) -> list[Found]:
+def _late(judged: Sequence[Judged]) -> list[LogFinding]:
     """Return the lags of torques that explain too little to be certain."""
-    table = next(iter(judged.values()))
-    late = [text for text in table if table[text].reading.kind == "torque_late"]
-    return [_told([text], judged, POSSIBLE, len(judged)) for text in late]
+    as_is, *others = judged
+    every = tuple(range(len(as_is.reports)))
+    late = [one for one in others if one.reading.kind == "torque_late"]
+    return [_told([one], as_is, every, POSSIBLE) for one in late]
 
 
-def _foreign(robot: Robot, judged: _Tables) -> list[Found]:
+def _foreign(robot: Robot, judged: Sequence[Judged]) -> list[LogFinding]:
     """Return the reports of which nobody understands what they follow, in all logs.
 
     Nothing can be approved then: of nineteen right machines no report is above .77 (a wrist of the
@@ -445,33 +354,34 @@ def _foreign(robot: Robot, judged: _Tables) -> list[Found]:
     friction is all that a report shows, other readings explain it without the links: then the logs
     leave open which is true.
     """
-    reports = [table[""].reports for table in judged.values()]
-    doubts, found = foreign(reports), []
+    as_is, *others = judged
+    every = tuple(range(len(as_is.reports)))
+    doubts, found = evidence.foreign(as_is.reports), []
     for k in np.flatnonzero(doubts >= LIKELY):
-        read = [
-            text
-            for text in next(iter(judged.values()))
-            if text
-            and all(text in t and t[text].reports[k].left < _RARELY_LEFT for t in judged.values())
+        odds = [
+            (one.weight(as_is, every), one)
+            for one in others
+            if (one.reading.logs or every) == every
+            and all(reports[k].left < _RARELY_LEFT for reports in one.reports)
         ]
-        if read:
-            odds = {text: _weight(text, judged, tuple(judged)) for text in read}
-            near = [text for text in read if max(odds.values()) - odds[text] < _TIED]
-            near.sort(key=lambda text: -odds[text])
-            found.append(_told(near, judged, POSSIBLE, len(judged)))
+        if odds:
+            odds.sort(key=lambda weighed: -weighed[0])
+            near = [one for weight, one in odds if odds[0][0] - weight < _TIED]
+            found.append(_told(near, as_is, every, POSSIBLE))
             continue
         joint = robot.transmission.joints[k]
-        left = np.mean([min(own[k].left, 1.0) for own in reports])
+        left = np.mean([min(reports[k].left, 1.0) for reports in as_is.reports])
         text = (
             f"the torque of {joint} does not follow what the links need: {100.0 * left:.0f} % of "
             "its power has no explanation, and no other reading of the columns gives one."
         )
-        one = LogFinding("error", "torque_foreign", joint, text, _FOREIGN, {}, float(doubts[k]))
-        found.append((one, tuple(judged)))
+        found.append(
+            LogFinding("error", "torque_foreign", joint, text, _FOREIGN, {}, float(doubts[k]))
+        )
     return found
 
 
-def _another_ratio(robot: Robot, judged: _Tables, doubt: float, factor: float) -> Found:
+def _another_ratio(robot: Robot, doubt: float, factor: float) -> LogFinding:
     """Return that the robot's gear ratios are others."""
     ratios = ", ".join(f"{factor * N:.3g}" for N in robot.transmission.gear_ratio)
     text = (
@@ -479,21 +389,20 @@ def _another_ratio(robot: Robot, judged: _Tables, doubt: float, factor: float) -
         f"({ratios}; the torque and the inertia of the rotors agree on it)?"
     )
     way = "Check gear_ratio in robot.toml, and whether the logs are of this robot."
-    return LogFinding(severity(doubt), "gear_ratio", "", text, way, {}, doubt), tuple(judged)
+    return LogFinding(severity(doubt), "gear_ratio", "", text, way, {}, doubt)
 
 
-def _told(texts: Sequence[str], judged: _Tables, doubt: float, every: int) -> Found:
+def _told(told: Sequence[Judged], as_is: Judged, logs: Sequence[int], doubt: float) -> LogFinding:
     """Return what may be wrong, whether the logs can tell it, and what to do.
 
     Args:
-        texts: of readings that the logs cannot tell apart, the likeliest first.
-        judged: the logs that have the mistake.
+        told: readings that the logs cannot tell apart, the likeliest first.
+        as_is: the logs as they stand.
+        logs: numbers of those that have the mistake.
         doubt: probability of any of them.
-        every: how many logs there are.
     """
-    table = next(iter(judged.values()))
-    read = [table[text].reading for text in texts]
-    who, rivals = "one log" if len(judged) == 1 else "these logs", ", or ".join(texts)
+    read, alone = [one.reading for one in told], len(logs) < len(as_is.reports)
+    who, rivals = "one log" if len(logs) == 1 else "these logs", ", or ".join(r.text for r in read)
     way = "If so, " + _mend_of(read[0])
     if doubt < LIKELY:
         said = f"{who} cannot tell whether the columns are right: perhaps {rivals}."
@@ -503,27 +412,19 @@ def _told(texts: Sequence[str], judged: _Tables, doubt: float, every: int) -> Fo
         said += f" {who[0].upper()}{who[1:]} cannot tell which."
     if len(read) > 1 or doubt < LIKELY:
         way = "\n".join((_MORE, *(f"If you know that {r.text}, {_mend_of(r)}" for r in read)))
-    if len(judged) < every:
+    if alone:
         way = "Give each of these logs a map of its own, LOG@MAP.toml. " + way
-    now, then = _explained(texts[0], judged)
+    now, then = told[0].explained(as_is, logs)
     so = "If the first is true" if len(read) > 1 else "So read"
     said += (
         f" {so}, the robot explains {100.0 * then:.0f} % of the power of the reported torque, "
         f"and {100.0 * now:.0f} % as it stands."
     )
     first, mend = read[0], read[0].mend if len(read) == 1 else {}
-    column = next(iter(first.mend.get("columns", [""])))
-    found = LogFinding(severity(doubt), first.kind, column, said, way, mend, doubt, first.mend)
-    return replace(found, alone=len(judged) < every), tuple(judged)
+    column, certainty = next(iter(first.mend.get("columns", [""]))), severity(doubt)
+    return LogFinding(certainty, first.kind, column, said, way, mend, doubt, first.mend, alone)
 
 
 def _mend_of(reading: Reading) -> str:
     """Return what to say in a map, or in robot.toml where no map mends a mistake."""
     return say_so(reading.mend) if reading.mend else _GRAVITY[reading.kind]
-
-
-def _explained(text: str, judged: _Tables) -> tuple[float, float]:
-    """Return the share of power explained before and after, of the joints that change."""
-    pairs = [(t, k) for t in judged.values() for k in _changed(t[""], t[text])]
-    now, then = (_share([table[read].reports[k] for table, k in pairs]) for read in ("", text))
-    return now, then
