@@ -96,24 +96,17 @@ def wraps(log: Log) -> list[LogFinding]:
             continue
         bit = int(log2(max(1.0, values.max())))
         signed = ColumnRule(name, (name,), (1.0,), sign_bit=bit).value({name: values})
-        if (
-            bit >= 8
-            and values.min() >= 0.0
-            and not (values % 1.0).any()
-            and not jumps(signed)[0].size
-        ):
+        counted = bit >= 8 and values.min() >= 0.0 and not (values % 1.0).any()
+        if counted and not jumps(signed)[0].size:
             text = f"counts from {1 << bit} on mirror those below: bit {bit} is a sign."
-            found.append(
-                _suspected("wrap", name, text, {"columns": {name: {"sign_bit": bit}}}, 1.0)
-            )
+            found.append(_suspected("wrap", name, text, {"columns": {name: {"sign_bit": bit}}}))
         elif np.ptp(sizes) <= _SAME_JUMP * (size := float(sizes.mean())):
             turn = float(period(sizes.mean()))
             degrees |= turn == 360.0
             entry = {"unwrap": turn or size, **({"unit": "deg"} if turn == 360.0 else {})}
-            said = (
-                f"{rows.size} jumps of {size:.6g} ({PERIODS.get(turn, _RESET)}), the first at row "
-            )
-            one = _suspected("wrap", name, f"{said}{rows[0] + 1}.", {"columns": {name: entry}}, 1.0)
+            text = f"{rows.size} jumps of {size:.6g} ({PERIODS.get(turn, _RESET)}), the first at "
+            text += f"row {rows[0] + 1}."
+            one = _suspected("wrap", name, text, {"columns": {name: entry}})
             found.append(one if turn else replace(one, mend={}))
     left = {*names} - {finding.column for finding in found} if degrees else set()
     for name in sorted(n for n in left if n.endswith(".position")):
@@ -121,7 +114,7 @@ def wraps(log: Log) -> list[LogFinding]:
             text = "beyond a turn, beside positions that wrap at 360: in degrees, too."
             # The turn that is nearest to zero, as for the others.
             mend = {"columns": {name: {"unit": "deg", "unwrap": 360.0}}}
-            found.append(_suspected("degrees", name, text, mend, 1.0))
+            found.append(_suspected("degrees", name, text, mend))
     return found
 
 
@@ -265,7 +258,9 @@ def motion_findings(logs: Sequence[Log], ratios: Mapping[str, float]) -> list[li
     return found
 
 
-def _suspected(kind: str, column: str, text: str, mend: Mend, probability: float) -> LogFinding:
+def _suspected(
+    kind: str, column: str, text: str, mend: Mend, probability: float = 1.0
+) -> LogFinding:
     way = "If so, " + say_so(mend)
     return LogFinding(severity(probability), kind, column, text, way, mend, probability)
 
