@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import product
 from math import inf, pi
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
@@ -23,6 +23,7 @@ from scipy.special import logsumexp
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.readings.kinds import Reading
 from wbc.identification.readings.log_rows import LogRows, Need
+from wbc.identification.records.record import rms
 from wbc.measurement.column_map import ColumnRule, parse_column_map
 from wbc.robot.coordinates import slides
 
@@ -77,7 +78,8 @@ class Report(NamedTuple):
     gains: FloatArray
     """(G,) log likelihood at each gain of the grid."""
     ratios: FloatArray
-    """(F,) log likelihood at each factor of the grid by which the gear ratio may be another."""
+    """(F,) log likelihood at each factor of the grid by which the gear ratio may be another, where
+    the inertia of the rotor is known."""
     causes: FloatArray
     """(R, 5) what offset, speed, direction, load and acceleration add, over the report's size."""
     target: FloatArray
@@ -95,6 +97,9 @@ class Report(NamedTuple):
     heavier than its link; such a rotor accuses nobody and frees from being foreign."""
 
 
+_SILENT = Report(np.zeros(GAINS.size), np.zeros(_RATIOS.size), np.zeros((1, _CAUSES)), np.zeros(1))
+
+
 def report(rows: LogRows, need: Need, joint: int, reported: FloatArray, samples: float) -> Report:
     """Return how a report agrees with a need.
 
@@ -107,9 +112,7 @@ def report(rows: LogRows, need: Need, joint: int, reported: FloatArray, samples:
     """
     size = float(np.sqrt(np.sum((reported - reported.mean()) ** 2)))
     if size <= 0.0 or samples <= 0.0:
-        return Report(
-            np.zeros(GAINS.size), np.zeros(_RATIOS.size), np.zeros((1, _CAUSES)), np.zeros(1)
-        )
+        return _SILENT
     causes, drawn = need_columns(need, joint)
     table = np.column_stack([causes, drawn, reported / size])
     reduced: FloatArray = np.asarray(np.linalg.qr(table, mode="r"))
@@ -128,27 +131,29 @@ def report(rows: LogRows, need: Need, joint: int, reported: FloatArray, samples:
     bounded = np.where(inertia < found[-1], bounded, free)
     likely, heavy = log_likelihood(bounded, count), -inf
     if rotor > 0.0:
-        # A rotor unlike its data sheet has its price.
-        away = np.log(np.maximum(inertia, 1e-300) / (gains * rotor)) / _ROTOR_SPREAD
-        price = np.maximum(-0.5 * away**2, _ROTOR_WRONG)
-        likely = np.maximum(likely + price, log_likelihood(held, count))
+        likely = likely + _rotor_prior(inertia / (gains * rotor))
+        likely = np.maximum(likely, log_likelihood(held, count))
     else:
-        turned = log_likelihood(free[_USUAL], count)
-        heavy = float(_log_sum(GAIN_PRIOR[_USUAL] + turned))
-    whole = drawn + rotor * need.change[:, joint]
+        heavy = float(_log_sum((GAIN_PRIOR + log_likelihood(free, count))[_USUAL]))
     own, target = reduced[:, :-2] / size, reduced[:, -1]
     idle = _EITHER_WAY + float(log_likelihood(_free_misfits([own], [target]), count)[0])
     return Report(
-        gains=likely - 0.5 * _excess(size, whole, _MOST) ** 2,
+        gains=likely - 0.5 * _excess(size, need.whole[:, joint], _MOST) ** 2,
         left=float(bounded[np.argmax(likely)]),
-        idle=idle + UNRELATED - 0.5 * _excess(size, whole, _IDLE) ** 2,
+        idle=idle + UNRELATED - 0.5 * _excess(size, need.whole[:, joint], _IDLE) ** 2,
         causes=own,
         target=target,
         samples=count,
         size=size,
         heavy=heavy,
-        ratios=log_likelihood(ratios, count) if rotor > 0.0 else np.zeros(_RATIOS.size),
+        ratios=log_likelihood(ratios, count),
     )
+
+
+def _rotor_prior(times: FloatArray) -> FloatArray:
+    """Return the log prior of rotors that have so many times the inertia of their data sheet."""
+    away = np.log(np.maximum(times, 1e-300)) / _ROTOR_SPREAD
+    return np.maximum(-0.5 * away**2, _ROTOR_WRONG)
 
 
 def ratio_evidence(reports: Sequence[Sequence[Report]]) -> tuple[float, float]:
@@ -271,6 +276,11 @@ class Judged(NamedTuple):
     difference over the geometric mean of the powers of both. Nothing is fitted, so no gain,
     friction or inertia can take the place of what the links need."""
 
+    @property
+    def logs(self) -> tuple[int, ...]:
+        """Numbers of the logs that are read so."""
+        return self.reading.logs or tuple(range(len(self.reports)))
+
     def score(self, as_is: Judged, logs: Sequence[int]) -> float:
         """Return the weight of this reading of some logs, none if it brings no report closer."""
         return self.weight(as_is, logs) if self.closer(as_is, logs) else -inf
@@ -360,11 +370,9 @@ class Bench:
                 idle = self._idle.setdefault((log, source), told.idle)
                 self._reports[key] = told._replace(idle=idle)
             reports.append(self._reports[key])
-        whole = need.links + rows.robot.transmission.reflected_inertia * need.change
-        size = np.sqrt(np.mean(torque**2, axis=0) * np.mean(whole**2, axis=0))
-        parts = np.array_split((torque - whole) ** 2, _PARTS)
-        powers = np.array([part.mean(axis=0) for part in parts])
-        return tuple(reports), powers / np.maximum(size, 1e-300)
+        size = np.maximum(rms(torque) * rms(need.whole), 1e-300)
+        strays = [rms(part) ** 2 for part in np.array_split(torque - need.whole, _PARTS)]
+        return tuple(reports), np.array(strays) / size
 
 
 def linear(
@@ -408,37 +416,33 @@ _MOVED[0] = 0.0
 _DRAWN_OFF = 0.3  # [rad] by which a drawing or a loose encoder may be off; beyond it a column is
 
 
-def shared_lags(bench: Bench, least: float) -> list[tuple[list[int], float]]:
+def shared_lags(logs: Sequence[LogRows], least: float) -> list[tuple[list[int], float]]:
     """Return the joints whose torques are late, and by how much [s]: all of them, or some alone.
 
     Bus and filter are the same for all joints and rows, or for one joint in all rows; what else
     looks like a lag is another one at each.
 
     Args:
-        bench: of logs of one robot.
+        logs: of one robot, at least one.
         least: lag that counts [s]: within a sample it is a matter of when a drive samples.
     """
-    asked = [(rows, rows.need()) for rows in bench.rows]
-    torques = zip(*(rows.torque.T for rows in bench.rows), strict=True)
-    moving = [k for k, each in enumerate(torques) if all(np.ptp(one) > 0.0 for one in each)]
+    still = np.any([np.ptp(rows.torque, axis=0) == 0.0 for rows in logs], axis=0)
+    moving = np.flatnonzero(~still).tolist()
     if len(moving) < 2:
         return []
-    if lag := _agreed(asked, moving, least, 1):
+    if lag := _agreed(logs, moving, least, 1):
         return [(moving, lag)]
-    sizes = np.array([np.mean(_lags(asked, [k], 0.0, _PARTS)[0] ** 2) for k in moving])
+    sizes = np.array([np.mean(_lags(logs, [k], 0.0, _PARTS)[0] ** 2) for k in moving])
     others = np.sqrt((sizes.sum() - sizes) / (len(moving) - 1))
-    alone = [([k], _agreed(asked, [k], least, _PARTS)) for k in moving]
+    alone = [([k], _agreed(logs, [k], least, _PARTS)) for k in moving]
     return [one for one, other in zip(alone, others, strict=True) if one[1] > _APART * other]
 
 
-_Asked: TypeAlias = Sequence[tuple[LogRows, Need]]
-
-
-def _agreed(asked: _Asked, joints: Sequence[int], least: float, parts: int) -> float:
+def _agreed(logs: Sequence[LogRows], joints: Sequence[int], least: float, parts: int) -> float:
     """Return the lag [s] that joints share in every part of the logs, 0 where they do not."""
     lag = 0.0
     for _ in range(_SHIFTS):
-        lags, errors = _lags(asked, joints, lag, parts)
+        lags, errors = _lags(logs, joints, lag, parts)
         # A report that follows no need tells no lag; none tells more than lags are alike.
         weights = (1.0 / np.hypot(errors, _ALIKE_LAGS * np.median(lags))) ** 2
         whole = float(weights.sum())
@@ -450,7 +454,7 @@ def _agreed(asked: _Asked, joints: Sequence[int], least: float, parts: int) -> f
 
 
 def _lags(
-    asked: _Asked, joints: Sequence[int], lag: float, parts: int
+    logs: Sequence[LogRows], joints: Sequence[int], lag: float, parts: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return by how much torques of joints are late [s] in each part of logs, and standard errors.
 
@@ -458,16 +462,16 @@ def _lags(
     by a first guess of the lag.
     """
     told = []
-    for (rows, need), joint in product(asked, joints):
-        step = 1.0 / rows.rate
-        before, reported, after = (rows.late(t)[:, joint] for t in (lag - step, lag, lag + step))
-        causes, drawn = need_columns(need, joint)
-        drawn = drawn + rows.robot.transmission.reflected_inertia[joint] * need.change[:, joint]
+    for rows in logs:
+        step, need = 1.0 / rows.rate, rows.as_is
+        before, reported, after = (rows.late(t) for t in (lag - step, lag, lag + step))
         fall = (before - after) / (2.0 * step)
-        table = np.column_stack([causes[:, 1:], drawn, fall, reported])
         # Errors of the model repeat themselves: only independent samples count, if any.
-        samples = min(max(float(rows.samples[joint]), 1e-12), MOST_SAMPLES)
-        told += [_slope(part, samples) for part in np.array_split(table, parts)]
+        samples = np.clip(rows.samples, 1e-12, MOST_SAMPLES)
+        for k in joints:
+            causes = need_columns(need, k)[0][:, 1:]
+            table = np.column_stack([causes, need.whole[:, k], fall[:, k], reported[:, k]])
+            told += [_slope(part, float(samples[k])) for part in np.array_split(table, parts)]
     more, errors = np.array(told).T
     return lag + more, errors
 

@@ -96,6 +96,11 @@ class LogRows:
         known = np.isnan(self.sensed).all() and not robot.floating_size
         return bool(known and np.any(np.std(held, axis=0) > _ROUNDING))
 
+    @cached_property
+    def as_is(self) -> Need:
+        """What the motion needs if every column holds what it says."""
+        return self.need()
+
     def need(
         self,
         order: IntArray | None = None,
@@ -130,21 +135,25 @@ class LogRows:
         gears = robot.transmission
         lift = gears.motor_from_joint.T
         speed, change = v[:, robot.actuated] @ lift, a[:, robot.actuated] @ lift
-        links = rotor * gears.gear_ratio - gears.reflected_inertia * change
-        return Need(np.where(np.isnan(self.sensed), links, self.sensed), speed, change)
+        rotors = gears.reflected_inertia * change
+        links = rotor * gears.gear_ratio - rotors
+        links = np.where(np.isnan(self.sensed), links, self.sensed)
+        return Need(links, links + rotors, speed, change)
 
 
 @dataclass(frozen=True, eq=False)
 class Need:
-    """What a motion needs at the motors' outputs, without their rotors.
+    """What a motion needs at the motors' outputs.
 
     Attributes:
-        links: (N, m) torque [N m].
+        links: (N, m) torque without the rotors [N m].
+        whole: (N, m) with them, as far as they are described [N m].
         speed: (N, m) of the motors behind their gears [rad/s].
         change: (N, m) their acceleration [rad/s^2].
     """
 
     links: FloatArray
+    whole: FloatArray
     speed: FloatArray
     change: FloatArray
 
@@ -214,7 +223,7 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
         sensed=sensed[thin],
         inertia=typical_inertia(robot, [told]),
     )
-    need = rows.need().links
+    need = rows.as_is.links
     if np.all(np.std(need, axis=0) <= _ROUNDING * np.std(rows.torque, axis=0)):
         return None
     return _behind_unknown_gears(rows)
@@ -250,7 +259,7 @@ def _behind_unknown_gears(rows: LogRows) -> LogRows:
     unknown &= np.array([quantity != "motor_torque" for quantity in rows.quantities])
     if not unknown.any():
         return rows
-    size = np.std(rows.need().links, axis=0)
+    size = np.std(rows.as_is.links, axis=0)
     factor = np.clip(size / np.maximum(np.std(rows.torque, axis=0), 1e-300), 1.0, _MOST_RATIO)
     factor[~unknown] = 1.0
     return replace(rows, whole=rows.whole * factor, conversion=rows.conversion * factor)

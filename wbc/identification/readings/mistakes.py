@@ -237,7 +237,7 @@ def _judged(robot: Robot, logs: Sequence[Log]) -> tuple[tuple[int, ...], list[Ju
         return (), []
     alike, rows = {k: len(group) for group in find_repeats(logs) for k in group}, [*known.values()]
     bench = evidence.Bench(rows, [1.0 / alike.get(k, 1) for k in known])
-    lags = evidence.shared_lags(bench, max(logs[k].sample_time for k in known))
+    lags = evidence.shared_lags(rows, max(logs[k].sample_time for k in known))
     # A mistake of all logs must be read in all of them: what one log shows is asked of the others.
     most = np.max([[one.left for one in reports] for reports in bench.as_is.reports], axis=0)
     lost = most > (0.0 if robot.transmission.size <= _PAIRS else _RARELY_LEFT)
@@ -250,14 +250,13 @@ def _judged(robot: Robot, logs: Sequence[Log]) -> tuple[tuple[int, ...], list[Ju
 def _likeliest(robot: Robot, judged: Sequence[Judged]) -> tuple[LogFinding, tuple[int, ...]] | None:
     """Return the likeliest mistake of all logs, or of those that are better read with it alone."""
     as_is, *others = judged
-    every = tuple(range(len(as_is.reports)))
+    every = as_is.logs
     stands, few = as_is.weight(as_is, every), -float(np.log(len(every)))
     scores: list[tuple[float, Judged, tuple[int, ...]]] = []
     for one in others:
-        having = one.reading.logs or every
-        if having == every:
+        if one.logs == every:
             scores.append((one.score(as_is, every), one, every))
-        several = having if len(every) > 1 else ()
+        several = one.logs if len(every) > 1 else ()
         own = tuple(k for k in several if one.score(as_is, (k,)) + few > stands)
         if own and own != every:
             scores.append((one.score(as_is, own) + few, one, own))
@@ -298,15 +297,15 @@ def told_by_rows(robot: Robot, logs: Sequence[Log]) -> dict[str, tuple[float, fl
         exchange with another joint; share of its torque's power that the motion explains). Empty
         where the logs cannot be held against the robot, or nothing can be exchanged.
     """
-    numbers, judged = _judged(robot, logs)
-    every, odds = tuple(range(len(numbers))), np.zeros(robot.transmission.size)
+    _, judged = _judged(robot, logs)
+    odds = np.zeros(robot.transmission.size)
     if not judged or odds.size < 2:
         return {}
     as_is, *others = judged
-    stands = as_is.weight(as_is, every) - Reading().prior
+    stands = as_is.weight(as_is, as_is.logs) - as_is.reading.prior
     for one in others:
         if own := one.reading.exchanged:
-            gained = one.score(as_is, every) - one.reading.prior - stands
+            gained = one.score(as_is, one.logs) - one.reading.prior - stands
             odds[[*own]] += np.exp(min(gained, 500.0))
     shares = map(evidence.explained_share, zip(*as_is.reports, strict=True))
     told = zip((1.0 / (1.0 + odds)).tolist(), shares, strict=True)
@@ -341,9 +340,8 @@ def _other_scale(robot: Robot, as_is: Judged) -> list[LogFinding]:
 def _late(judged: Sequence[Judged]) -> list[LogFinding]:
     """Return the lags of torques that explain too little to be certain."""
     as_is, *others = judged
-    every = tuple(range(len(as_is.reports)))
     late = [one for one in others if one.reading.kind == "torque_late"]
-    return [_told([one], as_is, every, POSSIBLE) for one in late]
+    return [_told([one], as_is, as_is.logs, POSSIBLE) for one in late]
 
 
 def _foreign(robot: Robot, judged: Sequence[Judged]) -> list[LogFinding]:
@@ -355,19 +353,18 @@ def _foreign(robot: Robot, judged: Sequence[Judged]) -> list[LogFinding]:
     leave open which is true.
     """
     as_is, *others = judged
-    every = tuple(range(len(as_is.reports)))
     doubts, found = evidence.foreign(as_is.reports), []
     for k in np.flatnonzero(doubts >= LIKELY):
         odds = [
-            (one.weight(as_is, every), one)
+            (one.weight(as_is, as_is.logs), one)
             for one in others
-            if (one.reading.logs or every) == every
+            if one.logs == as_is.logs
             and all(reports[k].left < _RARELY_LEFT for reports in one.reports)
         ]
         if odds:
             odds.sort(key=lambda weighed: -weighed[0])
             near = [one for weight, one in odds if odds[0][0] - weight < _TIED]
-            found.append(_told(near, as_is, every, POSSIBLE))
+            found.append(_told(near, as_is, as_is.logs, POSSIBLE))
             continue
         joint = robot.transmission.joints[k]
         left = np.mean([min(reports[k].left, 1.0) for reports in as_is.reports])
