@@ -36,7 +36,8 @@ MACHINES = {
 }
 """Robots of this repository -> their logs."""
 _BENCH = "tmotor_ak80"
-_RUNS = "sysid_1 sysid_2 opposing_2"
+_RUNS = "sysid_1.parquet sysid_2.parquet opposing_2.parquet"
+_ARM, _KUKA = "airbot_play", "strangers/01_kuka_sign"
 BESIDE = {
     "tmotor_current": (f"{_BENCH}/robot.toml", f"{_BENCH}/current.toml", _BENCH, _RUNS),
     "tmotor_position": (
@@ -45,8 +46,15 @@ BESIDE = {
         f"{_BENCH}/with_position",
         _RUNS,
     ),
-    "tmotor_final_8": (f"{_BENCH}/robot.toml", f"{_BENCH}/current.toml", _BENCH, "final_8"),
-    "tmotor_command": (f"{_BENCH}/robot.toml", f"{_BENCH}/command.toml", _BENCH, "sysid_1 sysid_2"),
+    "tmotor_final_8": (f"{_BENCH}/robot.toml", f"{_BENCH}/current.toml", _BENCH, "final_8.parquet"),
+    "tmotor_command": (
+        f"{_BENCH}/robot.toml",
+        f"{_BENCH}/command.toml",
+        _BENCH,
+        "sysid_1.parquet sysid_2.parquet",
+    ),
+    "airbot": (f"{_ARM}/robot.toml", "", _ARM, "chirp.parquet trapezoidal.parquet"),
+    "kuka_lwr4": (f"{_KUKA}/robot.toml", "", _KUKA, "k1.csv k2.csv k3.csv"),
 }
 """Machines whose description lies with the logs -> robot, column map, folder and runs."""
 
@@ -77,7 +85,7 @@ def run_on_machines(
         if missing := [f for f in files if not Path(f.partition("#")[0]).exists()]:
             console.print(f"{name}: no logs at {missing[0]}")
             continue
-        logs = load_logs(files, columns if columns.exists() else None)
+        logs = load_logs(files, columns if columns.is_file() else None)
         results[name], table = measure(name, load_robot(robot).lossless(), logs, options.budget)
         console.print(table)
     finish(console, results, options.json)
@@ -99,5 +107,5 @@ def _given(data: Path, name: str) -> tuple[str, Path, list[str]]:
         files = [str(data / file) for file in MACHINES[name].split()]
         return name, ROBOTS / name / "columns.toml", files
     robot, columns, folder, runs = BESIDE[name]
-    files = [str(data / folder / f"{run}.parquet") for run in runs.split()]
+    files = [str(data / folder / run) for run in runs.split()]
     return str(data / robot), data / columns, files
