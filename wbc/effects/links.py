@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import islice
 from typing import Self, final
 
 import numpy as np
@@ -363,10 +364,14 @@ class LinkInertias(RedrawnLinks):
         Raises:
             EffectError: a number that it does not have, or one out of bounds.
         """
-        known = self.values
-        for name in values:
+        known = dict(self.values)
+        for name, value in values.items():
             require_known(EffectError, f"parameter of {self.name}", name, known)
-        return self.at(self.where, {**known, **values})
+            known[name] = float(value)
+        numbers = iter(known.values())
+        own = (tuple(islice(numbers, _COUNT)) for _ in self.links)
+        bodies = (body for body, _ in self.links)
+        return type(self)(self.where, tuple(zip(bodies, own, strict=True)))
 
     def check_place(self, robot: Robot) -> None:
         """Raise EffectError unless every body is one of `robot` that has a mass."""

@@ -494,11 +494,13 @@ def _at_output(record: Record, output: int, slope: FloatArray, changes: FloatArr
     if size > 0.0 and np.max(np.abs(slope - mean)) < _STEADY * size:
         direction = np.round(mean / size, _DIGITS) + 0.0
         return np.asarray(record.condensed_regressor(output, direction) @ (size * changes))
-    used, felt = np.any(changes, axis=1), np.flatnonzero(slope.any(axis=0))
-    if not felt.size:
+    felt = np.flatnonzero(slope.any(axis=0))
+    used = np.any(changes, axis=1) & np.any(record.felt[felt], axis=0)
+    if not used.any():
         return np.zeros((record.rows, changes.shape[1]))
     columns = np.einsum("ni,nip->np", slope[:, felt], record.regressor[:, felt][..., used])
-    return record.condensed_at(np.ascontiguousarray(columns), output) @ changes[used]
+    condensed = record.condensed_at(np.ascontiguousarray(columns), output)
+    return np.asarray(condensed @ changes[used])
 
 
 def _disjoint(felt: Mapping[int, IntArray]) -> list[list[int]]:

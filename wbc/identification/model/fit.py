@@ -203,7 +203,7 @@ _CONVERGED = 1e-4
 _CONVERGED_ROUGH = 3e-3  # a bouncing link has no smooth error to follow further
 _TRUSTED = 0.25  # error of a promised gain up to which derivatives from nearby are kept
 _STRAIGHT = 1e-2  # share of a step's change in which it may miss what its derivatives promised
-_SINGULAR = 1e-9  # of the largest eigenvalue: leaves seven digits of a step
+_IDLE = 1e-7  # of the longest column: a shorter one is rounding
 _KNOWS_NOTHING = 1e-2  # share of the information of all rows
 _ROUGH = 4.0  # times a fold's error, that a step of all other rows leaves of a rough model
 
@@ -362,26 +362,23 @@ class Fit:
 
         The size (p,) of a column that says nothing is infinite.
         """
-        norm = self._norm
-        gram = gram / np.outer(norm, norm) + _KNOWS_NOTHING * np.eye(norm.size)
-        moment = moment / norm
-        if self.usual.residual.size:
-            leaning = self.usual.jacobian / norm
-            gram += leaning.T @ leaning
-            moment += leaning.T @ self.usual.residual
-        return gram, moment, norm
+        norm, usual, leaning = self._beside
+        return gram / np.outer(norm, norm) + usual, moment / norm + leaning, norm
 
     @cached_property
-    def _norm(self) -> FloatArray:
-        """(p,) size of each column over all rows, infinite for one that says nothing.
+    def _beside(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(p,) size of each column over all rows, and normal equations (p, p), (p,) of the usual.
 
-        So is that of a number at an end of its range, beyond which all rows together want it: what
-        a robot cannot be predicts no fold. Efficiencies of 1.00 stood for a delay so.
+        The size is infinite for a column that says nothing. So is that of a number at an end of its
+        range, beyond which all rows together want it: what a robot cannot be predicts no fold.
+        Efficiencies of 1.00 stood for a delay so.
         """
-        squares = np.einsum("rop,rop->op", self.jacobian, self.jacobian)
-        norm = np.sqrt(squares.T @ (1.0 / self.usual.noise))
+        norm = np.sqrt(np.sum([np.diagonal(part.gram) for part in self.parts], axis=0))
         _, free = _bounded_step(self.effects, self.parameters, self.known, self.moment)
-        return np.where(free & (norm > 1e-7 * norm.max(initial=0.0)), norm, np.inf)
+        norm = np.where(free & (norm > _IDLE * norm.max(initial=0.0)), norm, np.inf)
+        leaning = self.usual.jacobian / norm
+        known = leaning.T @ leaning + _KNOWS_NOTHING * np.eye(norm.size)
+        return norm, known, leaning.T @ self.usual.residual
 
 
 def refine(
@@ -585,10 +582,6 @@ def _line_search(
 def _least_squares(gram: FloatArray, moment: FloatArray) -> FloatArray:
     """Return the solution (p,) of normal equations, weak directions and idle columns left alone."""
     norm = np.sqrt(np.diagonal(gram))
-    felt = norm > 1e-7 * norm.max(initial=0.0)
-    solution, size = np.zeros(norm.size), norm[felt]
-    spread, directions = np.linalg.eigh(gram[np.ix_(felt, felt)] / np.outer(size, size))
-    told = spread > _SINGULAR * spread[-1:]
-    along = directions[:, told].T @ (moment[felt] / size)
-    solution[felt] = directions[:, told] @ (along / spread[told]) / size
-    return solution
+    size = np.where(norm > _IDLE * norm.max(initial=0.0), norm, np.inf)
+    known = gram / np.outer(size, size) + _RIDGE * np.eye(size.size)
+    return np.asarray(np.linalg.solve(known, moment / size) / size)

@@ -274,6 +274,11 @@ class Record:
         """Y (N, nv, 10 n_links) of the link parameters."""
         return inertial_regressor(self.robot, self.motion)
 
+    @cached_property
+    def felt(self) -> BoolArray:
+        """(nv, 10 n_links) which parameters of the links each coordinate feels."""
+        return np.asarray(np.any(self.regressor, axis=0))
+
     def links_of(self, robot: Robot) -> FloatArray:
         """Return H_l a + c_l (N, nv) of a robot that differs from the believed one."""
         if robot.model is self.robot.model:
