@@ -12,7 +12,7 @@ Columns that many outputs feel are whitened first: that is fewer products.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from itertools import compress, pairwise
@@ -140,59 +140,86 @@ class LinearScreen:
         moment = sums.moment.sum(axis=0) + self._pull
         without = moment - sums.moment + self._shrink * self._expected
         self._right = np.concatenate([without, moment[None]])
-        self._across = self._normal(others, np.arange(moment.size))
+        self._across = self._normal(others[:, None], np.arange(moment.size))
         both = np.concatenate([self._across, self._right[:, others, None]], axis=2)
         self._explained = _solve(self._across[:, :, others], both)
-        self._errors: dict[tuple[int, ...], float] = {}
+        # What each fold is left with, and its columns, once the others have taken theirs by what
+        # all other folds say: moments, energy, and by how much products of columns change.
+        taken, along = self._explained[:-1, :, :-1], self._explained[:-1, :, -1:]
+        own, across = sums.gram[:, others[:, None], others], sums.gram[:, others]
+        self._open = own @ taken - 2.0 * across
+        left = sums.moment[:, others, None] - own @ along
+        gone = across.swapaxes(1, 2) @ along + taken.swapaxes(1, 2) @ left
+        self._held_moment = sums.moment - gone[..., 0]
+        both = left + sums.moment[:, others, None]
+        self._held_energy = float(sums.energy.sum() - np.sum(along * both))
+        self._known: dict[tuple[int, ...], tuple[float, FloatArray]] = {}
 
     def _normal(self, rows: IntArray, columns: IntArray) -> FloatArray:
-        """Return (K + 1, r, c) a part of the normal matrices."""
-        gram = self._sums.gram[:, rows[:, None], columns]
-        whole = gram.sum(axis=0) + self._usual[rows[:, None], columns]
-        shrink = np.where(rows[:, None] == columns, self._shrink[columns], 0.0)
+        """Return (K + 1, ...) entries of the normal matrices, whose numbers are broadcast."""
+        gram = self._sums.gram[:, rows, columns]
+        whole = gram.sum(axis=0) + self._usual[rows, columns]
+        shrink = np.where(rows == columns, self._shrink[columns], 0.0)
         return np.concatenate([whole - gram + shrink, whole[None]])
 
-    def _fits(self, chosen: Sequence[int]) -> tuple[IntArray, FloatArray]:
-        """Return the column numbers (r,) of some regressors and their coefficients (K + 1, r)."""
-        own = np.array([column for k in chosen for column in self._slices[k]], dtype=np.int_)
-        across = self._across[:, :, own].swapaxes(1, 2)
-        whole = self._normal(own, own)
-        apart = whole - across @ self._explained[..., own]
-        right = self._right[:, own] - (across @ self._explained[..., -1:])[..., 0]
-        return own, _solve(apart, right[..., None], whole)[..., 0]
+    def _fits(self, own: IntArray) -> FloatArray:
+        """Return the coefficients (K + 1, m, r) of m sets of columns (m, r)."""
+        across, explained = self._across[..., own], self._explained[..., own]
+        whole = self._normal(own[:, :, None], own[:, None])
+        apart = whole - np.einsum("kpmr,kpms->kmrs", across, explained)
+        beside = np.einsum("kpmr,kp->kmr", across, self._explained[..., -1])
+        return _solve(apart, (self._right[:, own] - beside)[..., None], whole)[..., 0]
 
     def coefficients(self, chosen: Sequence[int]) -> list[FloatArray]:
         """Return the coefficients of each regressor of a set, on all folds."""
         ends = np.cumsum([self.regressors[k].size for k in chosen])
-        return np.split(self._fits(chosen)[1][-1], ends[:-1])
+        return np.split(self._found(chosen)[1], ends[:-1])
 
     def error(self, chosen: Sequence[int]) -> float:
-        """Return the held-out mean square of a set; infinite if its parameters are impossible."""
-        key = tuple(sorted(chosen))
-        if key not in self._errors:
-            possible = None not in self._built(key)
-            self._errors[key] = self._held_out(key) if possible else np.inf
-        return self._errors[key]
+        """Return the held-out mean square of a set, whether or not its parameters are possible."""
+        return self._found(chosen)[0]
 
-    def _held_out(self, chosen: Sequence[int]) -> float:
-        sums, (own, found) = self._sums, self._fits(chosen)
-        index, explained = np.concatenate([own, self._nuisance]), self._explained[:-1]
-        beside = explained[..., -1] - np.einsum("kic,kc->ki", explained[..., own], found[:-1])
-        rest = np.concatenate([found[:-1], beside], axis=1)
-        taken = 2.0 * np.einsum("ki,ki->", rest, sums.moment[:, index])
-        model = np.einsum("ki,kij,kj->", rest, sums.gram[:, index[:, None], index], rest)
-        return float((sums.energy.sum() - taken + model) / sums.entries)
+    def _found(self, chosen: Sequence[int]) -> tuple[float, FloatArray]:
+        """Return the held-out mean square of a set and the coefficients (r,) on all folds."""
+        key = tuple(chosen)
+        if key not in self._known:
+            # All of one cause with as many columns cost little more than one of them.
+            same = [key]
+            if len(key) == 1:
+                size = self.regressors[key[0]].size
+                same = [(k,) for k, own in enumerate(self.regressors) if own.size == size]
+            columns = [[column for k in own for column in self._slices[k]] for own in same]
+            errors, found = self._held_out(np.array(columns, dtype=np.int_))
+            pairs = zip(errors.tolist(), found, strict=True)
+            self._known.update(zip(same, pairs, strict=True))
+        return self._known[key]
+
+    def _held_out(self, own: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return what m sets of columns (m, r) leave held out (m,), and coefficients (m, r)."""
+        *each, whole = self._fits(own)
+        found = np.array(each)
+        taken, changed = self._explained[:-1, :, :-1][..., own], self._open[..., own]
+        products = self._sums.gram[:, own[:, :, None], own[:, None]]
+        products = products + np.einsum("kpmr,kpms->kmrs", taken, changed)
+        model = np.einsum("kmr,kmrs,kms->m", found, products, found)
+        along = np.einsum("kmr,kmr->m", found, self._held_moment[:, own])
+        left = (self._held_energy - 2.0 * along + model) / self._sums.entries
+        return np.asarray(left), whole
 
     def effects(self, subset: Subset) -> tuple[Effect, ...]:
         """Return the effects of a set, with the numbers that the screen gives them."""
         return tuple(effect for effect in self._built(subset.regressors) if effect is not None)
 
+    def possible(self, chosen: Sequence[int]) -> bool:
+        """Whether a robot can have the causes of a set with the numbers that the screen gives."""
+        return None not in self._built(chosen)
+
     def _built(self, chosen: Sequence[int]) -> list[Effect | None]:
         pairs = zip(chosen, self.coefficients(chosen) if chosen else (), strict=True)
         return [self.regressors[k].build(self.robot, c) for k, c in pairs]
 
-    def best_first(self) -> list[Subset]:
-        """Return every possible cause, that which leaves least on data held out first.
+    def best_first(self) -> Iterator[Subset]:
+        """Yield every possible cause, that which leaves least on data held out first.
 
         A cause is an effect at one place, or the same effect in all gears.
         """
@@ -200,10 +227,10 @@ class LinearScreen:
         causes = [[k] for k in free]
         causes += [self._best_shapes(group) for group in self._by_effect(free)]
         sets = [Subset(tuple(own), self.error(own)) for own in causes if own]
-        return sorted((s for s in sets if np.isfinite(s.error)), key=lambda s: s.error)
+        yield from (s for s in sorted(sets, key=lambda s: s.error) if self.possible(s.regressors))
 
-    def pairs(self, among: int) -> list[Subset]:
-        """Return the best sets of two causes, of the `among` that explain most but for chance.
+    def pairs(self, among: int) -> Iterator[Subset]:
+        """Yield the best sets of two causes, of the `among` that explain most but for chance.
 
         Alone such causes may explain nothing, or be impossible: damping hides a delay.
         """
@@ -215,13 +242,13 @@ class LinearScreen:
             if self.regressors[one].key != self.regressors[other].key:
                 tried[one, other] = None
         found = [Subset(chosen, self.error(chosen)) for chosen in list(tried)[:among]]
-        return sorted(found, key=lambda s: s.error)
+        yield from (s for s in sorted(found, key=lambda s: s.error) if self.possible(s.regressors))
 
     def _gains_of_two(self, count: int) -> FloatArray:
         """Return (n, n) what every two of the first n columns explain, fitted to all folds."""
         own = np.arange(count)
         across, explained = self._across[-1][:, own].T, self._explained[-1]
-        gram = self._normal(own, own)[-1] - across @ explained[:, own]
+        gram = self._normal(own[:, None], own)[-1] - across @ explained[:, own]
         moment = self._right[-1, own] - across @ explained[:, -1]
         size = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
         along, shared = moment / size, gram / np.outer(size, size)
@@ -252,8 +279,8 @@ class LinearScreen:
         """
         best: dict[str, int] = {}
         for k in sorted(group, key=lambda k: self.error([k])):
-            if np.isfinite(self.error([k])):
-                best.setdefault(self.regressors[k].where, k)
+            if self.regressors[k].where not in best and self.possible([k]):
+                best[self.regressors[k].where] = k
         shapes = list(best.values())
         # Friction may not push: not all that is possible alone is so beside the others.
         while len(shapes) > 1 and None in (built := self._built(shapes)):

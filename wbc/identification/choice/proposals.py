@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
 import numpy as np
 
@@ -202,7 +203,7 @@ class Proposer:
         seen: set[tuple[Key, ...]] = set()
         limit = 0.0
         single = False  # whether the best single one was seen, which stands beside the best group
-        for subset in search.best_first()[:_SCREENED]:
+        for subset in islice(search.best_first(), _SCREENED):
             self.trials.ask()
             limit = limit or _limit(start, subset.error, enough)
             if len(seen) >= count or subset.error > start or (single and subset.error > limit):
@@ -243,8 +244,7 @@ class Proposer:
         shares = screen_in_shares(self.trials.problem, self.trials.fit(h), search.regressors, share)
         offers: dict[tuple[Key, ...], Screened] = {}
         for screened in (search, shares):
-            own = [s for s in screened.pairs(_AMONG) if np.isfinite(s.error)]
-            for subset in own[:count]:
+            for subset in islice(screened.pairs(_AMONG), count):
                 added = [search.regressors[k] for k in subset.regressors]
                 offer = (*h.effects, *screened.effects(subset))
                 offers.setdefault(tuple(sorted(r.key for r in added)), (offer, added))
@@ -271,6 +271,6 @@ def _drawn(search: LinearScreen) -> list[Subset]:
             continue
         subset = Subset((k,), search.error((k,)))
         known = best.get(regressor.effect)
-        if np.isfinite(subset.error) and (known is None or subset.error < known.error):
+        if search.possible((k,)) and (known is None or subset.error < known.error):
             best[regressor.effect] = subset
     return list(best.values())
