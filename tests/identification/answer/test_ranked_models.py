@@ -174,38 +174,20 @@ def test_a_robot_without_its_effects_is_the_one_before_them() -> None:
     assert moon.without_effects().model.gravity.linear[2] == -1.62
 
 
-@pytest.mark.parametrize(
-    ("evidence", "doubtful", "gone"),
-    [
-        ({"losses": -19.0, "limit": 0.0, "friction": 4.0}, {"friction": ["limit"]}, "limit"),
-        ({"losses": 1.0, "limit": 0.0, "friction": 4.0}, {"friction": ["limit"]}, "losses"),
-        ({"losses": -19.0, "limit": 0.0}, {"losses": ["limit"], "limit": ["losses"]}, "limit"),
-    ],
-    ids=["missed least", "missed less", "as many are doubted still"],
-)
-def test_of_doubted_causes_that_goes_without_which_the_fewest_are_doubted(
-    evidence: dict[str, float],
-    doubtful: dict[str, list[str]],
-    gone: str,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_of_doubted_causes_that_goes_which_is_missed_least(monkeypatch: pytest.MonkeyPatch) -> None:
     """The losses of a calf went, friction and a current limit stayed: 19 nats less probable."""
-    keys = [(name, "calf") for name in evidence]
+    missed = {"losses": (25.0, 6.0), "limit": (4.0, 10.0), "friction": (12.0, 10.0)}
+    effects = [SimpleNamespace(key=(name, "calf")) for name in ("spring", *missed)]
+    doubted = [
+        ("friction", "calf"),
+        ("losses", "calf"),
+        ("limit", "calf"),
+    ]  # the least believed first
 
-    def left(_: Any, __: Any, doubted: set[tuple[str, str]]) -> Any:
-        (key,) = doubted
-        return SimpleNamespace(gone=key[0])
+    def told(_: Any, __: Any, ___: Any, drops: list[tuple[Any, ...]]) -> list[tuple[float, float]]:
+        return [missed[own.key[0]] for (own,) in drops]
 
-    def judge(_: Any, rest: Any, __: Any) -> Any:
-        return SimpleNamespace(hypothesis=rest, doubted=doubtful.get(rest.gone, []))
-
-    monkeypatch.setattr(model_to_use, "best_without", left)
-    monkeypatch.setattr(model_to_use, "judged", judge)
-    monkeypatch.setattr(
-        model_to_use, "weigh", lambda _, rests: np.array([evidence[rest.gone] for rest in rests])
-    )
-    doubted: set[tuple[str, str]] = set()
-    answer = SimpleNamespace(hypothesis=None, doubted=keys)
-    found = model_to_use._without_one(SimpleNamespace(problem=None), answer, doubted)
-    assert doubted == {(gone, "calf")}
-    assert found.hypothesis.gone == gone
+    monkeypatch.setattr(model_to_use, "losses", told)
+    answer: Any = SimpleNamespace(hypothesis=SimpleNamespace(effects=effects), doubted=doubted)
+    trials: Any = SimpleNamespace(problem=None, fit=lambda h: None)
+    assert model_to_use._least_missed(trials, answer) == ("limit", "calf")

@@ -17,7 +17,7 @@ from wbc.identification.answer.remainder import Attainable, attainable
 from wbc.identification.choice import certainty
 from wbc.identification.choice.certainty import Odds, Support, not_believed, odds_of
 from wbc.identification.choice.drop_screen import losses
-from wbc.identification.choice.evidence import Hypothesis, Key, weigh
+from wbc.identification.choice.evidence import Hypothesis, Key
 from wbc.identification.choice.find_causes import SearchResult
 from wbc.identification.choice.plain_models import plain_fits, without_idle
 from wbc.identification.choice.trials import Trials
@@ -79,28 +79,24 @@ def believed(found: SearchResult) -> Answer:
         other = judged(trials, end, doubted)
         answer = answer if other.doubted else other
     while answer.doubted:
-        answer = _without_one(trials, answer, doubted)
+        doubted.add(_least_missed(trials, answer))
+        answer = judged(trials, best_without(trials, answer.hypothesis, doubted), doubted)
     # Where something was found and nothing of it is believed, something else is there, unless the
     # logs hardly speak against the robot as given.
     missing = not answer.hypothesis.effects and 1.0 - odds_of(trials).nothing >= certainty.BELIEVED
     return replace(answer, more=answer.more or missing)
 
 
-def _without_one(trials: Trials, answer: Answer, doubted: set[Key]) -> Answer:
-    """Return an answer without one of its doubted causes, which joins those that are `doubted`.
+def _least_missed(trials: Trials, answer: Answer) -> Key:
+    """Return that of the doubted causes of an answer which derivatives say is missed least.
 
-    It is the one without which the fewest are doubted, and of several the one that is missed least:
-    losses of a gear, friction and a current limit that made up for each other were all doubted
+    Losses of a gear, friction and a current limit that made up for each other were all doubted
     together, and the losses alone explained the calf of a generated leg.
     """
-    each = [
-        judged(trials, best_without(trials, answer.hypothesis, {*doubted, key}), {*doubted, key})
-        for key in answer.doubted
-    ]
-    evidence = weigh(trials.problem, [one.hypothesis for one in each])
-    gone = min(range(len(each)), key=lambda k: (len(each[k].doubted), -evidence[k]))
-    doubted.add(answer.doubted[gone])
-    return each[gone]
+    h = answer.hypothesis
+    own = [(effect,) for key in answer.doubted for effect in h.effects if effect.key == key]
+    missed = [loss - gain for loss, gain in losses(trials.problem, trials.fit(h), h, own)]
+    return own[int(np.argmin(missed))][0].key
 
 
 def judged(trials: Trials, h: Hypothesis, doubted: set[Key]) -> Answer:
