@@ -1,6 +1,8 @@
 """The search: causes give way to the one that they imitate, and unlikely numbers cost."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -31,7 +33,7 @@ from wbc.effects.formula import CustomTorque
 from wbc.effects.links import add_point_mass
 from wbc.errors import DynamicsError
 from wbc.identification import diagnose
-from wbc.identification.choice import gears
+from wbc.identification.choice import gears, search
 from wbc.identification.choice.candidate_columns import Regressor
 from wbc.identification.choice.certainty import BELIEVED, beliefs
 from wbc.identification.choice.drop_screen import until_null
@@ -137,6 +139,26 @@ def test_the_search_ends_at_what_is_hidden(name: str) -> None:
     assert set(end.keys) == {effect.key for effect in hidden}
 
 
+@pytest.mark.parametrize(("nats", "moved"), [(2.0, False), (4.0, True)])
+def test_what_is_not_told_apart_is_not_exchanged(
+    nats: float, moved: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A recorded arm went to and fro between two frictions for half of its search."""
+    here = SimpleNamespace(effects=(CoulombFriction("hip", 1.0),), error=1.0)
+    other = SimpleNamespace(effects=(ViscousFriction("hip", 1.0),), error=1.0, believable=True)
+    trials: Any = SimpleNamespace(
+        problem=None, rivals_of=lambda *_: [other], best_of=lambda several: several[-1]
+    )
+    proposer: Any = SimpleNamespace(trials=trials, exchanges=lambda *_: [other.effects])
+    monkeypatch.setattr(search, "_drops", lambda *_: [])
+    monkeypatch.setattr(search, "left_to_gain", lambda *_: np.inf)
+    monkeypatch.setattr(search, "weigh", lambda _, several: np.array([0.0, nats]))
+    monkeypatch.setattr(Search, "_addition", lambda *_: None)
+    monkeypatch.setattr(Search, "_pair", lambda *_: None)
+    begun: Any = here
+    assert (Search(proposer)._next(begun) is other) == moved
+
+
 def test_a_factor_acts_after_the_sag_that_it_follows() -> None:
     """In the other order the sag was 15 % off, and more was left than the sensors' noise."""
     hidden = [SupplySag("robot", 2e-3), TorqueConstant("hip", 1.2), CoulombFriction("knee", 0.4)]
@@ -224,9 +246,9 @@ def test_a_screen_leaves_what_a_fit_without_each_fold_leaves() -> None:
             built = beside.effects(Subset(tuple(chosen), 0.0))
             for effect, same in zip(built, fit.effects[len(kept) :], strict=True):
                 assert effect.values == pytest.approx(same.values, rel=1e-2)
-    best = other.pairs(10)[0]
+    best = next(other.pairs(10))
     assert [other.regressors[k].key for k in best.regressors] == [one.key for one in hidden]
-    assert best.error < other.best_first()[0].error
+    assert best.error < next(other.best_first()).error
 
 
 def test_a_cause_of_fixed_size_is_expected_where_one_fold_alone_shows_it() -> None:

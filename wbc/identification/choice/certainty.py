@@ -260,14 +260,6 @@ def beliefs(trials: Trials, h: Hypothesis) -> dict[Key, float]:
     return {key: one.belief for key, one in zip(h.keys, each, strict=True)}
 
 
-def doubted_names(trials: Trials, h: Hypothesis) -> tuple[str, ...]:
-    """Return the names in a hypothesis that `beliefs` doubts wherever they stand."""
-    best: dict[str, float] = {}
-    for (name, _), chance in beliefs(trials, h).items():
-        best[name] = max(best.get(name, 0.0), chance)
-    return tuple(name for name, chance in best.items() if chance < BELIEVED)
-
-
 def not_believed(chances: Mapping[Key, float]) -> list[Key]:
     """Return the causes that are not twice as probable as not, the least believed first."""
     doubted = [key for key, chance in chances.items() if chance < BELIEVED]

@@ -6,26 +6,26 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
-from wbc.identification.choice.certainty import doubted_names
+import numpy as np
+
+from wbc.identification.choice.certainty import TIED
 from wbc.identification.choice.drop_screen import losses
-from wbc.identification.choice.evidence import LEAST_ASKED, Hypothesis, Key, left_to_gain, without
+from wbc.identification.choice.evidence import (
+    LEAST_ASKED,
+    Hypothesis,
+    Key,
+    left_to_gain,
+    weigh,
+    without,
+)
 from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.proposals import MISSED, Proposer
-from wbc.identification.model.columns import drawn
 
 _ADDED = 6  # offers that are fitted for one addition
 _PAIRS = 6  # ... of two causes
 _SWAPPED = 5  # ... that are looked at in the place of one cause
 _MOST_MOVES = 60
 _MASKS = 2  # times that what explains most and is not believed is put aside
-# Hypotheses in a row that may hold a wrong drawing and a name that is not believed, be it the
-# drawing or one beside it: the move after it can still confirm or remove it. The ten numbers per
-# link of a drawing take up a part of whatever is missing, so that the search goes on beside it
-# without end: TIAGo's arm ends after 45 s instead of 400 s, with the same seven frictions; Go2's
-# legs after 170 s instead of more than 800 s. Without a drawing, causes doubted half-way may be
-# right when the rest is found: to end there leaves 1.24 times as much at joint 2 of TIAGo's arm. A
-# removal is no chance: nothing was added that could confirm it.
-_CHANCES = 2
 _MASKING = 0.8  # of the error, below which a cause that is not believed may hide others
 
 
@@ -73,25 +73,13 @@ class Search:
         moves may lead back to causes that were left: of such a circle the best one is returned.
         """
         current, been = start, {frozenset(start.keys): start}
-        held: Counter[str] = Counter()
-        shorter = False
         for _ in range(_MOST_MOVES):
-            redrawn = any(map(drawn, current.effects))
-            doubted = doubted_names(self.proposer.trials, current) if redrawn else ()
-            held = Counter({name: held[name] + (not shorter) for name in doubted})
-            lasting = [name for name, count in held.items() if count >= _CHANCES]
-            if lasting:
-                # It does not reach the answer, nor does what rests on it.
-                names = ", ".join(lasting)
-                self.report(f"nothing more is tried beside what is not believed: {names}")
-                break
             better = self._next(current)
             if better is None:
                 break
             self._tell(current, better)
             if frozenset(better.keys) in been:
                 return self.proposer.trials.best_of(list(been.values()))
-            shorter = len(better.effects) < len(current.effects)
             current = better
             been[frozenset(current.keys)] = current
             self.path.append(current)
@@ -136,7 +124,9 @@ class Search:
         if current.effects:
             self.report(f"trying others in the place of what was found ({best})")
             for offer in proposer.exchanges(current, _SWAPPED):
-                if exchanged := self.best(trials.rivals_of(current, [offer]), current):
+                exchanged = self.best(trials.rivals_of(current, [offer]), current)
+                # What is not told apart is an alternative. It led to and fro between two frictions.
+                if exchanged and np.ptp(weigh(trials.problem, [current, exchanged])) > TIED:
                     return exchanged
         self.report(f"trying two effects more ({best})")
         return self._pair(current)
