@@ -8,14 +8,14 @@ time. Wrong efficiencies are no part of the loop: give the controller `with_wron
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass, field
 from math import exp, inf, pi
 from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, Ranged, must
 from wbc.errors import SimulationError
 from wbc.robot import Motion, Robot
 from wbc.sim.plant import Plant
@@ -23,83 +23,76 @@ from wbc.sim.result import StepResult
 from wbc.sim.step.tables import SimState
 
 
-class TorqueSource(Protocol):
-    """What a controller returns: `wbc.control.Command` is one."""
-
-    @property
-    def rotor_torque(self) -> FloatArray:
-        """(m,) [N m] to command to the drives."""
-
-
 class TorqueController(Protocol):
     """What the loop needs of a controller: `wbc.control.Controller` is one."""
 
-    def step(self, state: Any, references: Any = None, contacts: Any = None) -> TorqueSource:
-        """Return the command for a measured state."""
+    def step(self, state: Any, references: Any = None, contacts: Any = None) -> Any:
+        """Return the command for a measured state; its `rotor_torque` (m,) [N m] goes to drives."""
 
 
-class SensorNoise:
-    """White noise on the measured state; the same seed gives the same bits."""
+@dataclass(eq=False)
+class SensorNoise(Ranged):
+    """White noise on the measured state; the same seed gives the same bits.
 
-    def __init__(
-        self, robot: Robot, *, position: float = 0.0, velocity: float = 0.0, seed: int = 0
-    ) -> None:
-        """Set the noise up.
+    Attributes:
+        robot: whose state is measured.
+        position: standard deviation of every coordinate [m, rad]; on a free base along and about
+            its own axes, so that its orientation stays one.
+        velocity: standard deviation of every velocity [m/s, rad/s].
+        seed: of the random numbers.
+    """
 
-        Args:
-            robot: whose state is measured.
-            position: standard deviation of every coordinate [m, rad]; on a free base along and
-                about its own axes, so that its orientation stays one.
-            velocity: standard deviation of every velocity [m/s, rad/s].
-            seed: of the random numbers.
+    robot: Robot
+    _: KW_ONLY
+    position: float = field(default=0.0, metadata=must(">= 0 and < inf"))
+    velocity: float = field(default=0.0, metadata=must(">= 0 and < inf"))
+    seed: int = 0
 
-        Raises:
-            SimulationError: a deviation is negative or not finite.
-        """
-        self._model = robot.model
-        self._position = _at_least_zero("position noise", position)
-        self._velocity = _at_least_zero("velocity noise", velocity)
-        self._seed = seed
+    _told, _raised = "sensor noise: ", SimulationError
+
+    def __post_init__(self) -> None:
+        """Check, and start the random numbers."""
+        super().__post_init__()
         self.reset()
 
     def reset(self) -> None:
         """Start the random numbers anew."""
-        self._random = np.random.default_rng(self._seed)
+        self._random = np.random.default_rng(self.seed)
 
     def __call__(self, state: Motion | SimState) -> Motion:
         """Return what the sensors show of a state."""
         position, velocity = state.position, state.velocity
-        if self._position:
-            moved = self._position * self._random.standard_normal(self._model.nv)
-            position = pin.integrate(self._model, position, moved)
-        if self._velocity:
-            velocity = velocity + self._velocity * self._random.standard_normal(self._model.nv)
+        model = self.robot.model
+        if self.position:
+            moved = self.position * self._random.standard_normal(model.nv)
+            position = pin.integrate(model, position, moved)
+        if self.velocity:
+            velocity = velocity + self.velocity * self._random.standard_normal(model.nv)
         return Motion(position, velocity)
 
 
-class TorqueLag:
+@dataclass(eq=False, kw_only=True)
+class TorqueLag(Ranged):
     """A dead time and a first-order lag between the commanded and the delivered torque.
 
     The delivered torque y follows the command u of `delay` earlier, tau dy/dt = u - y with
     tau = 1/(2 pi bandwidth). Commands are held between ticks, so that y and its mean over a step
     are exact, whatever the delay. Before the first call the drives held what it commands.
+
+    Attributes:
+        delay: dead time of the command [s].
+        bandwidth: frequency [Hz] at which a sine comes out with 1/sqrt(2) of its amplitude;
+            infinite for a motor that follows at once.
     """
 
-    def __init__(self, *, delay: float = 0.0, bandwidth: float = inf) -> None:
-        """Set the lag up.
+    delay: float = field(default=0.0, metadata=must(">= 0 s and < inf"))
+    bandwidth: float = field(default=inf, metadata=must("> 0 Hz"))
 
-        Args:
-            delay: dead time of the command [s].
-            bandwidth: frequency [Hz] at which a sine comes out with 1/sqrt(2) of its amplitude;
-                infinite for a motor that follows at once.
+    _told, _raised = "torque lag: ", SimulationError
 
-        Raises:
-            SimulationError: a negative delay, or a bandwidth that is not positive.
-        """
-        if not bandwidth > 0.0:
-            raise SimulationError(f"the torque bandwidth must be positive [Hz], got {bandwidth}.")
-        self._delay = _at_least_zero("delay of the command", delay)
-        self._time_constant = 1.0 / (2.0 * pi * bandwidth)
+    def __post_init__(self) -> None:
+        """Check, and forget every command."""
+        super().__post_init__()
         self.reset()
 
     def reset(self) -> None:
@@ -118,8 +111,8 @@ class TorqueLag:
             raise SimulationError(f"the time until the next command must be positive, got {time}.")
         torque = np.array(torque, dtype=np.float64)
         if self._torque is None:
-            self._torque, self._waiting = torque, [(self._delay, torque)]
-        self._waiting.append((self._delay + time, torque))
+            self._torque, self._waiting = torque, [(self.delay, torque)]
+        self._waiting.append((self.delay + time, torque))
         total, now = np.zeros_like(torque), 0.0
         for until, command in self._waiting:
             length = min(until, time) - now
@@ -132,10 +125,11 @@ class TorqueLag:
 
     def _follow(self, command: FloatArray, length: float) -> FloatArray:
         """Follow a constant command for `length` [s]; return the delivered impulse [N m s]."""
-        if self._torque is None or self._time_constant == 0.0:
+        tau = 1.0 / (2.0 * pi * self.bandwidth)
+        if self._torque is None or tau == 0.0:
             self._torque = command
             return command * length
-        tau, gap = self._time_constant, self._torque - command
+        gap = self._torque - command
         left = exp(-length / tau)
         self._torque = command + left * gap
         return np.asarray(command * length + gap * tau * (1.0 - left))
@@ -163,38 +157,29 @@ class LoopTick:
         return self.result.state
 
 
-class ClosedLoop:
+@dataclass(eq=False)
+class ClosedLoop(Ranged):
     """A plant and a controller with what lies between them on a robot; the loop is the user's.
 
     With neither noise nor lag it is the ideal loop, to the last bit: `controller.step` on the true
     state and `plant.step` under its torque.
+
+    Attributes:
+        plant: what moves; its encoders sit on the motors (`Plant.encoders`).
+        controller: anything with `step(state, references)` that returns rotor torques.
+        noise: of the sensors, None for true states.
+        lag: of the drives, None for torques that come at once.
+        period: of the controller [s].
     """
 
-    def __init__(
-        self,
-        plant: Plant,
-        controller: TorqueController,
-        *,
-        noise: SensorNoise | None = None,
-        lag: TorqueLag | None = None,
-        period: float = 1e-3,
-    ) -> None:
-        """Join the parts.
+    plant: Plant
+    controller: TorqueController
+    _: KW_ONLY
+    noise: SensorNoise | None = None
+    lag: TorqueLag | None = None
+    period: float = field(default=1e-3, metadata=must("> 0 s"))
 
-        Args:
-            plant: what moves; its encoders sit on the motors (`Plant.encoders`).
-            controller: anything with `step(state, references)` that returns rotor torques.
-            noise: of the sensors, None for true states.
-            lag: of the drives, None for torques that come at once.
-            period: of the controller [s].
-
-        Raises:
-            SimulationError: a period that is not positive.
-        """
-        if not period > 0.0:
-            raise SimulationError(f"a closed loop needs a positive period, got {period} s.")
-        self.plant, self.controller, self.period = plant, controller, period
-        self._noise, self._lag = noise, lag
+    _told, _raised = "closed loop: ", SimulationError
 
     def step(
         self,
@@ -215,17 +200,17 @@ class ClosedLoop:
             SimulationError: the plant cannot take the step.
         """
         shown = self.plant.encoders(state)
-        seen = Motion(shown.position, shown.velocity) if self._noise is None else self._noise(shown)
+        seen = Motion(shown.position, shown.velocity) if self.noise is None else self.noise(shown)
         command = self.controller.step(seen, references, **options)
         torque = np.asarray(command.rotor_torque, dtype=np.float64)
-        if self._lag is not None:
-            torque = self._lag(torque, self.period)
+        if self.lag is not None:
+            torque = self.lag(torque, self.period)
         result = self.plant.step(state, torque, self.period, external)
         return LoopTick(seen, command, torque, result)
 
     def reset(self) -> None:
         """Start noise and lag anew, for a run with the same bits; the controller is the user's."""
-        for part in (self._noise, self._lag):
+        for part in (self.noise, self.lag):
             if part is not None:
                 part.reset()
 
@@ -248,9 +233,3 @@ def with_wrong_efficiencies(robot: Robot, share: float) -> Robot:
         for name in ("forward_efficiency", "backward_efficiency")
     }
     return robot.with_transmission(gears.replace(**changed))
-
-
-def _at_least_zero(name: str, value: float) -> float:
-    if not 0.0 <= value < inf:
-        raise SimulationError(f"the {name} must be zero or more and finite, got {value}.")
-    return value

@@ -12,16 +12,17 @@ from numpy.typing import ArrayLike
 from wbc.arrays import FloatArray, Ranged, checked, must
 from wbc.compiled import make_ready
 from wbc.errors import RobotError, SimulationError
+from wbc.mechanics.newton import SEVERAL
 from wbc.robot import BodySurface, ContactPoint, Robot, body_surfaces
 from wbc.robot.body_contacts import Hull
 from wbc.sim.ground import Plane, Terrain
-from wbc.sim.refusals import check_outside, failure
 from wbc.sim.result import StepResult
 from wbc.sim.setup import Setup
-from wbc.sim.step.arrival import lift
-from wbc.sim.step.course import take_step
+from wbc.sim.step.course import NO_COMMAND, take_step
 from wbc.sim.step.pairs import FAR
-from wbc.sim.step.tables import SimState
+from wbc.sim.step.part import lift
+from wbc.sim.step.part_rows import NO_INERTIA
+from wbc.sim.step.tables import TOUCH, SimState
 
 MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatArray]]
 
@@ -174,18 +175,17 @@ class Plant(Ranged):
             SimulationError: the command or dt is not usable, or the step has no unique solution.
         """
         setup, torque = self._setup, self._command(state, rotor_torque, dt)
-        state = setup.with_memory(state)
+        state = setup.begin(state, dt, external)
         q, v, _, closed, push, bent, spin, _ = state
         if len(closed) != setup.barriers.size:
-            check_outside(setup, setup.gaps(q)[: setup.plant.obstacles.rigid])
-        setup.begin(state, dt, external)
+            self._check_outside(setup.gaps(q)[: setup.plant.obstacles.rigid])
         failed = take_step(setup.plant, q, v, push, bent, spin, closed, torque)
         stages = setup.stages()
         setup.heard()
         if failed:
-            raise failure(setup, failed, torque)
+            raise self._failure(failed, torque)
         end = setup.state_at(state.memory, stages, setup.acts, len(stages) - 1)
-        return StepResult(setup, state, end, dt, external, stages, setup.acts)
+        return StepResult(setup, state, end, dt, stages, setup.acts)
 
     def run(
         self,
@@ -284,3 +284,55 @@ class Plant(Ranged):
             speed, forces = self._setup.drive.motion(state)[1], self._setup.plant.forces
             forces.low[:], forces.high[:] = self.motor_bounds(self.robot, gears.gear_ratio * speed)
         return torque
+
+    def _failure(self, code: int, torque: FloatArray) -> SimulationError:
+        """Return the error for what `take_step` returned with a command (m,) [N m]."""
+        plant, joints = self._setup.plant, self.robot.transmission.joints
+        inertia, velocity, gears = plant.placed.inertia, plant.now.velocity, plant.gears
+        if code == NO_COMMAND:
+            told = f"rotor_torque holds a value that is no number: {torque}."
+        elif code % 10 == NO_INERTIA or not np.isfinite(inertia).all():
+            with np.errstate(all="ignore"):
+                energy = 0.5 * float(velocity @ inertia @ velocity)
+            told = "the step has no numbers: " if np.isnan(velocity).any() else ""
+            told += (
+                f"the state has blown up: {energy:.3g} J of kinetic energy, fastest coordinate "
+                f"{np.abs(velocity).max(initial=0.0):.3g} rad/s (m/s). Look at the events of the "
+                "steps before, and at the torques."
+            )
+        elif code % 10 == SEVERAL:
+            falling = np.flatnonzero(gears.backward < 0.0).tolist()
+            most = (gears.inertia / -gears.backward)[falling].min()
+            told = (
+                "the step has several solutions, or none that could be found, with the self-locking"
+                f" gears {', '.join(repr(joints[i]) for i in falling)}: some turn against rotors "
+                "too light for what their gears lock. Let the gears yield, as real teeth do "
+                "(`stiffness`): with stiffness dt^2 / 4 + damping dt below "
+                f"{most:.3g} kg m^2 every step has one solution. Or give them more rotor inertia, "
+                "or backward efficiencies nearer to zero."
+            )
+        else:
+            told = (
+                "a step has no solution. Usual causes: a contact target that the joints cannot "
+                "reach (a limit and the ground in conflict), or a self-locking gear whose falling "
+                "branch leaves no solution; shorten the step or change the state."
+            )
+        return SimulationError(told)
+
+    def _check_outside(self, gap: FloatArray) -> None:
+        """Refuse a start inside the ground or beyond a joint limit, by gaps that do not yield.
+
+        Raises:
+            SimulationError: an overlap beyond TOUCH; it names the place and the depth.
+        """
+        barriers, depth = self._setup.barriers, -float(gap.min(initial=0.0))
+        if depth <= TOUCH:
+            return
+        place = int(np.argmin(gap))
+        beyond = f"{depth:.3g} rad (m) beyond its stop"
+        inside = f"{1e3 * depth:.3g} mm inside the ground"
+        raise SimulationError(
+            f"the start of '{self.robot.name}' overlaps: {barriers.names[place]} is "
+            f"{beyond if place < barriers.limits else inside}. Place the robot outside, or "
+            "let the plant do it: plant.state(position, lifted=True)."
+        )

@@ -14,31 +14,32 @@ from wbc.arrays import FloatArray
 from wbc.mechanics.newton import WAYS
 from wbc.sim.energy import EnergyAudit, EnergyFlow
 from wbc.sim.setup import EffectActs, Setup
-from wbc.sim.step import telling
-from wbc.sim.step.solution import MISSED, USED, WAY
+from wbc.sim.step.books import find_events
+from wbc.sim.step.part_rows import MISSED, USED, WAY
 from wbc.sim.step.tables import BOOK, LENGTH, RESTITUTION, RETURN_SPEED, TIME, SimState
 
 _NONE = np.empty(0)
-_COARSE = "the step is too long: of {play:.3g} J that it moved, {size:.3g} J came from nowhere"
-_TEXTS = {
-    telling.ENERGY: ("energy", "the step made {size:.3g} J ({cause})"),
-    telling.COARSE: ("coarse", f"{_COARSE}; shorten dt"),
-    telling.TAKEN_BACK: ("coarse", f"{_COARSE} and were taken from its speeds; shorten dt"),
-    telling.UNSETTLED: (
+_COARSE = "the step is too long: of {what} J that it moved, {size:.3g} J came from nowhere"
+_TEXTS = (
+    ("energy", "the step made {size:.3g} J ({what})"),
+    ("coarse", f"{_COARSE}; shorten dt"),
+    ("coarse", f"{_COARSE} and were taken from its speeds; shorten dt"),
+    (
         "unsettled",
         "laws are missed by {size:.3g} m/s (rad/s): the budget of work ended before friction or "
         "coupled rotors met them; a shorter dt may",
     ),
-    telling.OVERLAP: (
+    (
         "overlap",
-        "{barrier} is {size:.3g} m (rad) inside; it is taken back at {speed:g} m/s (rad/s)",
+        "{what} is {size:.3g} m (rad) inside; it is taken back at {speed:g} m/s (rad/s)",
     ),
-    telling.SUNK: (
+    (
         "sunk",
-        "joint '{joint}' is {size:.3g} m under the ground: no contact holds its link. Give the "
+        "joint '{what}' is {size:.3g} m under the ground: no contact holds its link. Give the "
         "robot contacts there, or the link collision geometry",
     ),
-}
+)
+"""Kinds of events with their texts, by the numbers that the loops have for them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,6 @@ class StepResult:
         start: the state it started from, with the memory of its effects.
         state: at the end.
         duration: of the step [s].
-        external: generalised force (nv,) from outside, None for none.
         stages: (s + 1, w) the parts and impacts, and the end, see `Opened.stages`.
         acts: what effects did in each part, by the number of its stage; empty where loops know it.
     """
@@ -85,7 +85,6 @@ class StepResult:
     start: SimState
     state: SimState
     duration: float
-    external: FloatArray | None
     stages: FloatArray
     acts: dict[int, EffectActs]
 
@@ -96,7 +95,7 @@ class StepResult:
     @property
     def command(self) -> FloatArray:
         """(m,) [N m] on the rotors that the motors took, within their bounds."""
-        return self.stages[0, self.setup.cuts[-2]]
+        return np.asarray(self.setup.now_at(self.stages[0])["command"])
 
     @cached_property
     def parts(self) -> tuple[Flow, ...]:
@@ -148,7 +147,7 @@ class StepResult:
     @property
     def energy(self) -> EnergyFlow:
         """Work and losses."""
-        flow = EnergyFlow._make(self.stages[-1, self.setup.cuts[-1]].tolist())
+        flow = EnergyFlow._make(self.setup.now_at(self.stages[-1])["flow"].tolist())
         return reduce(add, [part.in_effects for part in self.parts], flow) if self.acts else flow
 
     @property
@@ -162,23 +161,18 @@ class StepResult:
         """Energy that the step made, overlaps that are left; empty in a good step."""
         told, setup = np.empty((3 * len(self.stages), 4)), self.setup
         flow = np.array(self.energy) if self.acts else _NONE
-        count = telling.find_events(setup.plant, self.stages, flow, told)
+        count = find_events(setup.plant, self.stages, flow, told)
         setup.heard()
         return tuple([self._event(*event) for event in told[:count].tolist()])
 
     def _event(self, number: float, stage: float, size: float, what: float) -> StepEvent:
         """Return an event of `find_events` with its text."""
-        kind, text = _TEXTS[int(number)]
-        setup, at = self.setup, int(what)
-        about: dict[str, Any] = {"play": what, "speed": setup.plant.bounds[RETURN_SPEED]}
-        if kind == "energy":
-            about["cause"] = BOOK._fields[at].replace("_", " ")
-        elif kind == "sunk":
-            about["joint"] = setup.robot.joints[at]
-        elif kind == "overlap":
-            about["barrier"] = setup.barriers.names[at]
-        time = self.stages.item(int(stage) + 1, TIME)
-        return StepEvent(kind, time, size, text.format(size=size, **about))
+        (kind, text), setup = _TEXTS[int(number)], self.setup
+        causes = [name.replace("_", " ") for name in BOOK._fields]
+        of = {"energy": causes, "sunk": setup.robot.joints, "overlap": setup.barriers.names}
+        word = of[kind][int(what)] if kind in of else f"{what:.3g}"
+        speed, time = setup.plant.bounds[RETURN_SPEED], self.stages.item(int(stage) + 1, TIME)
+        return StepEvent(kind, time, size, text.format(size=size, what=word, speed=speed))
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,9 +190,12 @@ class Stage:
     @cached_property
     def end(self) -> Any:
         """What `Ending` held at its end, by the names of its fields."""
-        setup = self.result.setup
-        words = self.result.stages[self.stage, len(setup.plant.now.words) :]
-        return np.ndarray((), setup.end_kind, words)
+        return self.result.setup.end_at(self.result.stages[self.stage])
+
+    @cached_property
+    def start(self) -> SimState:
+        """At its start."""
+        return self.result.state_at(self.stage)
 
     @property
     def contact_impulse(self) -> FloatArray:
@@ -213,11 +210,6 @@ class Stage:
 
 class Flow(Stage):
     """What happened in one smooth part."""
-
-    @cached_property
-    def start(self) -> SimState:
-        """At its start."""
-        return self.result.state_at(self.stage)
 
     @cached_property
     def state(self) -> SimState:
@@ -249,36 +241,30 @@ class Flow(Stage):
 
         Their work is taken out of that of the motors and of other effects.
         """
-        result, step, end = self.result, self.step, self.end
-        robot, drive, mean = (
-            result.setup.robot,
-            result.setup.drive,
-            0.5 * (end["speed"] + end["after"]),
-        )
-        joint, found, motor = np.array(end["force"]), EnergyFlow(), 0.0
-        _, seen = result.acts.get(self.stage, ((), ()))
-        for effect, motion in zip(result.setup.hooks, seen, strict=True):
+        result, half, end = self.result, 0.5 * self.step, self.end
+        robot, drive, found = result.setup.robot, result.setup.drive, EnergyFlow()
+        moved = half * (end["speed"] + end["after"])
+        for effect, motion in zip(result.setup.hooks, result.acts[self.stage][1], strict=True):
             own = effect.memory_energy(robot, motion)
             if own is None:
                 continue
             found += EnergyFlow(reloaded=own.reloaded, bent=own.stored, bristles=own.lost)
             smooth, rotor = effect.joint_torque(robot, motion), effect.rotor_torque(robot, motion)
-            joint -= 0.0 if smooth is None else smooth
+            if smooth is not None:
+                found += EnergyFlow(effects=-float(smooth @ moved))
             if rotor is not None:
-                turned = 0.5 * step * (drive.motion(self.start)[1] + end["motor_speed"])
-                motor += float(rotor @ (drive.gears.gear_ratio * turned))
-        joint -= 0.0 if result.external is None else result.external
-        work = float(step * (joint @ mean)) - end["books"].item(BOOK.effects)
-        return found + EnergyFlow(motor=-motor, effects=work)
+                turned = half * (drive.motion(self.start)[1] + end["motor_speed"])
+                found += EnergyFlow(motor=-float(rotor @ (drive.gears.gear_ratio * turned)))
+        return found
 
 
 class Impact(Stage):
     """One impact."""
 
-    @cached_property
+    @property
     def state(self) -> SimState:
         """Just before."""
-        return self.result.state_at(self.stage)
+        return self.start
 
     @property
     def time(self) -> float:

@@ -37,17 +37,12 @@ EffectActs: TypeAlias = tuple[EffectMemory, tuple[Motion, ...]]
 """Of effects that act by hooks: their memory at the end of a part, and the motion that each saw."""
 
 
-Survey = tuple[float, float, int]
-"""Stored energy [J], the gap of the deepest body [m], and which that is."""
-
-
 class Drivetrain:
     """Gears of a robot as rows; all quantities at the motor outputs psi.
 
     Attributes:
         robot, gears: whose they are, and their numbers.
         rows: D^-1 on the driven columns (m, nv), psi_dot = rows @ v.
-        forward, backward: eta_f, eta_b (m,).
         loose: (m,) whether the motor's output may leave the joint (stiffness or play).
         any_loose: whether any of them may.
     """
@@ -57,24 +52,24 @@ class Drivetrain:
         self.robot, self.gears = robot, robot.transmission
         gears = self.gears
         self.rows = np.array(robot.motor_rows)
-        # What these lose is up to their effects, which carry a state.
-        kept = np.ones(gears.size, dtype=bool)
-        kept[[gears.index(e.where) for e in robot.effects if "meshed" in e.acts_by]] = False
-        self.forward = np.where(kept, gears.forward_efficiency, 1.0)
-        self.backward = np.where(kept, gears.backward_efficiency, 1.0)
         self.loose = np.isfinite(gears.stiffness) | (gears.backlash > 0.0)
         self.any_loose = bool(self.loose.any())
 
     def tables(self) -> tables.Gears:
         """Return the gears as tables for compiled loops."""
         gears, (m, nv), ratio = self.gears, self.rows.shape, self.gears.gear_ratio
+        # What these lose is up to their effects, which carry a state.
+        meshed = [gears.index(e.where) for e in self.robot.effects if "meshed" in e.acts_by]
+        kept = ~np.isin(np.arange(m), meshed)
+        backward = np.where(kept, gears.backward_efficiency, 1.0)
+        inverse = np.where(kept, 1.0 / gears.forward_efficiency, 1.0)
         viscous = ratio**2 * gears.rotor_viscous_friction
         coulomb = np.abs(ratio) * gears.rotor_coulomb_friction
-        numbers = ratio, gears.reflected_inertia, viscous, coulomb, 1.0 / self.forward
+        numbers = ratio, gears.reflected_inertia, viscous, coulomb, inverse
         flanks = gears.stiffness, gears.damping, gears.backlash
-        arrays = map(np.array, (*numbers, self.backward, *flanks, self.rows))
+        arrays = map(np.array, (*numbers, backward, *flanks, self.rows))
         direct = not self.any_loose and np.array_equal(gears.topology, np.eye(m))
-        row = np.where(direct & (self.backward >= 0.0), self.robot.actuated, -1)
+        row = np.where(direct & (backward >= 0.0), self.robot.actuated, -1)
         coupled = m if self.robot.rotors_turn_with_links else 0
         room = np.zeros((coupled, nv)), np.zeros((1, nv + m))
         alone = ~np.isin(np.arange(nv), row)
@@ -112,9 +107,6 @@ class Setup:
         waits: whether a part needs Python in its middle: for effects that no table holds, or for
             rotor coupling.
         plant: numbers and memory of the loops, which Python reads and writes between them, too.
-        cuts, closed_at: the words of `Now` that its arrays are before `closed`, and the bytes at
-            which that begins.
-        end_kind: how the words of `Ending` are a record.
         acts: what the effects did in each part of the last step, by its stage, where it waits.
     """
 
@@ -172,12 +164,8 @@ class Setup:
         rows = m + nv + size + 2 * len(told.touch)
         pushes = 3 * (barriers.points + len(barriers.pairs))
         end = m, size, nv, m, m, 2, pushes, 18, 3, nq, nv, nv, rows, nq, nv, m, size, nv, size
-        now, now_kind = _memory(tables.Now, 3, nq, nv, rows, m, m, m, 13, *[size] * 3)
-        self.closed_at = now_kind.fields["closed"][1]
-        begin = [now_kind.fields[name][1] // 8 for name in now_kind.names[:9]]
-        self.cuts = [*map(slice, begin[:-1], begin[1:])]
-        ending, self.end_kind = _memory(tables.Ending, *end, *[size] * 4)
-        width = len(now.words) + len(ending.words)
+        now, self._now_kind = _memory(tables.Now, 3, nq, nv, rows, m, m, m, 13, *[size] * 3)
+        ending, self._end_kind = _memory(tables.Ending, *end, *[size] * 4)
         shapes = (n + 1, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), (3,)
         placed = *map(np.zeros, shapes), bases, np.zeros((len(bases), 10))
         placed[0][-1, [0, 4, 8]] = 1.0
@@ -190,21 +178,10 @@ class Setup:
         given = -limit, np.array(limit)
         room = map(np.zeros, (m, m, nv, nv, nv, nv, m if meshed else 0))
         forces = *effect_table(self.robot), *given, *room, asked, full
-        return stored(
-            tables.Opened(
-                stored(tree),
-                stored(told),
-                stored(self.drive.tables()),
-                stored(tables.PlacedTree._make(placed)),
-                stored(barriers.bodies),
-                stored(tables.Forces._make(forces)),
-                now,
-                ending,
-                np.zeros((_STAGES, width)),
-                bounds,
-                self._heap,
-            )
-        )
+        fixed = tree, told, self.drive.tables(), tables.PlacedTree._make(placed)
+        parts = *map(stored, (*fixed, barriers.bodies, tables.Forces._make(forces))), now, ending
+        stages = np.zeros((_STAGES, len(now.words) + len(ending.words)))
+        return stored(tables.Opened._make((*parts, stages, bounds, self._heap)))
 
     def _ask_ground(self) -> None:
         """Fill gaps and normals of ground that only Python knows."""
@@ -274,26 +251,24 @@ class Setup:
         self._answers.append(_Answer(answer))
         return int(ctypes.cast(self._answers[-1], ctypes.c_void_p).value or 0)
 
-    def with_memory(self, state: SimState) -> SimState:
-        """Return a state with the memory of effects, their first one where it has none.
+    def begin(self, state: SimState, step: float, external: FloatArray | None) -> SimState:
+        """Tell the loops what acts over a step h [s] that starts in a state.
+
+        Return it with the memory of effects, their first one where it has none.
 
         Raises:
             SimulationError: the memory belongs to other effects than these.
         """
         given, first = state.memory, self.first_memory
-        if not given:
-            return state.replace(memory=first) if first else state
-        if [memory is None for memory in given] != [memory is None for memory in first]:
+        if not given and first:
+            state = state.replace(memory=first)
+        elif given and [m is None for m in given] != [m is None for m in first]:
             own = [e.name for e in self.hooks if e.first_memory(self.robot) is not None]
             raise SimulationError(
                 f"the memory of the state does not fit '{self.robot.name}' (effects with a memory: "
                 f"{', '.join(own) or 'none'}); it comes from a plant with other effects. Leave it "
                 "empty to start anew."
             )
-        return state
-
-    def begin(self, state: SimState, step: float, external: FloatArray | None) -> None:
-        """Tell the loops what acts over a step h [s] that starts in a state; see `Course`."""
         if self.waits:
             self._given, self.acts = state, {}
         numbers = self.plant.now.numbers
@@ -301,6 +276,11 @@ class Setup:
         self.plant.forces.external.fill(0.0)
         if external is not None:
             self.plant.forces.external[:] = external
+        return state
+
+    def now_at(self, words: FloatArray) -> Any:
+        """Return what `Now` held where a stage starts, or the step ends, by the names of fields."""
+        return np.ndarray((), self._now_kind, words)
 
     def state_at(
         self, first: EffectMemory, stages: FloatArray, acts: Mapping[int, EffectActs], stage: int
@@ -313,11 +293,13 @@ class Setup:
             acts: what effects did in each part, by its stage.
             stage: its number; s for the end of the step.
         """
-        words, (_, q, v, push, bent, spin, _, _) = stages[stage], self.cuts
-        memory = _memory_at(first, acts, stage) if acts else first
-        closed = np.ndarray(self.barriers.size, np.bool_, words, self.closed_at)
-        at, more = (words[q], words[v], words.item(tables.TIME)), (words[push], words[bent])
-        return SimState(*at, closed, *more, words[spin], memory)
+        now, memory = self.now_at(stages[stage]), _memory_at(first, acts, stage) if acts else first
+        at = now["position"], now["velocity"], stages.item(stage, tables.TIME), now["closed"]
+        return SimState(*at, now["impulse"], now["deflection"], now["motor_speed"], memory)
+
+    def end_at(self, words: FloatArray) -> Any:
+        """Return what `Ending` held at the end of a stage, by the names of its fields."""
+        return np.ndarray((), self._end_kind, words, self._now_kind.itemsize)
 
     def heard(self) -> None:
         """Raise what the ground, or an effect, raised."""
@@ -332,8 +314,8 @@ class Setup:
         self.heard()
         return gap
 
-    def survey(self, state: SimState) -> Survey:
-        """Return what `survey` finds in a state."""
+    def survey(self, state: SimState) -> tuple[float, float, int]:
+        """Return stored energy [J], the gap of the deepest body [m], and which that is."""
         self.tell_coupling(state.position, state.velocity)
         numbers = state.position, state.velocity, *self.drive.motion(state)
         return survey(self.plant, *map(np.ascontiguousarray, numbers))

@@ -13,16 +13,16 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import OutRow, Row, compiled, inner, local
+from wbc.compiled import Dense, OutDense, OutRow, Row, ask, compiled, inner, local
 from wbc.mechanics.inertia import momentum_of, motion_at
 from wbc.mechanics.laws import PLACE, STIFFNESS, passed_by, place_after, stored_at
-from wbc.mechanics.linear import dot
+from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.memory import row_of, table_of
 from wbc.mechanics.rows import TOLERANCE
 from wbc.sim.step.contacts import put, solid_gap, touch_ground
 from wbc.sim.step.motion import look, set_momentum
-from wbc.sim.step.part_rows import PartRows, motor_speeds, rotor_energy
-from wbc.sim.step.tables import BOOK, HERTZ, Gears, Opened
+from wbc.sim.step.part_rows import MISSED, PartRows, motor_speeds, rotor_energy
+from wbc.sim.step.tables import BOOK, HERTZ, LENGTH, TOUCH, Gears, Opened
 
 MADE = 5e-5
 """Share of the energy in play that a part may make. The steps of 10 ms in which a leg that falls
@@ -30,6 +30,12 @@ and bounces gains 0.06 to 0.65 J have at least 8e-5; what turns freely has its s
 1 ms a disc that spins on its edge 3e-5, a double pendulum without losses 3e-7."""
 TURN = 0.03
 """[rad] by which no body turns in a part that is not looked at; the disc above turns so far."""
+
+ENERGY, COARSE, TAKEN_BACK, UNSETTLED, OVERLAP, SUNK = range(6)
+"""Kinds of events, see `StepEvent`; of those that are coarse, in TAKEN_BACK speeds were changed."""
+
+_ROUNDING = 1e-8  # of the energy in play: laws hold to 1e-10 of the speeds
+_COARSE = 0.01  # share of the energy in play
 
 
 @inner
@@ -136,8 +142,22 @@ def book_barriers(plant: Opened, rows: PartRows) -> None:
 
 
 @inner
-def books_of(plant: Opened, rows: PartRows) -> None:
-    """Write work and losses of a part, see `EnergyFlow`.
+def fastest_turn(plant: Opened, v: Row) -> float:
+    """Return how fast a body turns at most [rad/s] at v (nv,), where the memory stands."""
+    most, taken = 0.0, plant.heap.used[0]
+    motion = table_of(plant.heap, len(plant.tree.joints), 6)
+    motion_at(plant.tree.joints, plant.placed.columns, v, motion)
+    for i in range(len(motion)):
+        most = max(most, dot(motion[i, 3:], motion[i, 3:]))
+    plant.heap.used[0] = taken
+    return sqrt(most)
+
+
+@inner
+def books_of(plant: Opened, rows: PartRows) -> float:
+    """Write work and losses of a part, see `EnergyFlow`; return how fast bodies turn at most.
+
+    That is the sum of start and end [rad/s].
 
     Args:
         plant: whose memory stands in the middle, with speeds of motors and impulses of the end.
@@ -158,6 +178,7 @@ def books_of(plant: Opened, rows: PartRows) -> None:
         given = plant.forces.external[c]
         books[BOOK.external] += given * moved
         books[BOOK.effects] += (plant.end.force[c] - given) * moved
+    return fastest_turn(plant, speed) + fastest_turn(plant, plant.end.after)
 
 
 @compiled
@@ -203,18 +224,6 @@ def survey(plant: Opened, q: Row, v: Row, deflection: Row, speed: Row) -> tuple[
             energy += stored_at(plant.bounds[HERTZ], -plant.obstacles.touch[b, 0])
     plant.heap.used[0] = taken
     return energy, deepest, lowest
-
-
-@inner
-def fastest_turn(plant: Opened, v: Row) -> float:
-    """Return how fast a body turns at most [rad/s] at v (nv,), where the memory stands."""
-    most, taken = 0.0, plant.heap.used[0]
-    motion = table_of(plant.heap, len(plant.tree.joints), 6)
-    motion_at(plant.tree.joints, plant.placed.columns, v, motion)
-    for i in range(len(motion)):
-        most = max(most, dot(motion[i, 3:], motion[i, 3:]))
-    plant.heap.used[0] = taken
-    return sqrt(most)
 
 
 @compiled(inside=True)
@@ -263,3 +272,68 @@ def keep_passive(plant: Opened) -> None:
     for i in range(len(v)):
         v[i] *= share
     books[BOOK.taken] = has - rest - share * share * (none - rest)
+
+
+@inner
+def survey_of(plant: Opened, stage: Row) -> tuple[float, float, int]:
+    """Return what `survey` finds where a stage starts; the memory holds the stage then."""
+    now = plant.now
+    copy_to(stage[: len(now.words)], now.words)
+    copy_to(stage[len(now.words) :], plant.end.words)
+    if plant.forces.asked != 0:
+        length, now.numbers[LENGTH] = now.numbers[LENGTH], 0.0
+        ask(plant.forces.asked)
+        now.numbers[LENGTH] = length
+    return survey(plant, now.position, now.velocity, now.deflection, now.motor_speed)
+
+
+@inner
+def tell(told: OutDense, count: int, kind: int, stage: int, size: float, what: float) -> int:
+    """Write an event; return how many there are then."""
+    told[count, 0], told[count, 1], told[count, 2], told[count, 3] = kind, stage, size, what
+    return count + 1
+
+
+@compiled
+def find_events(plant: Opened, stages: Dense, flow: Row, told: OutDense) -> int:
+    """Write what there is to tell of a step; return how many events.
+
+    Args:
+        plant: whose memory is free.
+        stages: (s + 1, w) of the step.
+        flow: (13,) work and losses, with those of effects that Python evaluates; empty without.
+        told: (3 s + 2, 4) to write: kind, stage, size, and what it is about.
+    """
+    count, last, most, taken, depth = 0, len(stages) - 1, 0.0, 0.0, 0.0
+    had, _, _ = survey_of(plant, stages[0])
+    books, end = plant.end.books, plant.end
+    for stage in range(last):
+        copy_to(stages[stage, len(plant.now.words) :], end.words)
+        if stages[stage, LENGTH] > 0.0:
+            depth = end.deepest[0]
+            if depth > 0.0:
+                count = tell(told, count, OVERLAP, stage, depth, end.deepest[1])
+        made, cause = books[BOOK.normal], BOOK.normal
+        for i in range(BOOK.mesh, BOOK.impact + 1):
+            if -books[i] > made:
+                made, cause = -books[i], i
+        if made > _ROUNDING * (books[BOOK.kinetic] + books[BOOK.traffic]) + 1e-12:
+            count = tell(told, count, ENERGY, stage, made, cause)
+        if end.work[MISSED] > 0.0:
+            count = tell(told, count, UNSETTLED, stage, end.work[MISSED], 0.0)
+        most, taken = max(most, books[BOOK.kinetic]), taken + books[BOOK.taken]
+    has, gap, lowest = survey_of(plant, stages[last])
+    # Contacts may be as deep as a step leaves them.
+    hovers = len(plant.placed.bases) > 0 and len(plant.obstacles.contacts) > 0
+    if hovers and gap < -max(TOUCH, depth):
+        count = tell(told, count, SUNK, last - 1, -gap, lowest)
+    work, lost, all_of = 0.0, 0.0, flow if len(flow) else plant.now.flow
+    for i in range(BOOK.bent):
+        work += all_of[i]
+    for i in range(BOOK.mesh, BOOK.impact + 1):
+        lost += all_of[i]
+    play, gain = most + abs(work) + lost, has - had + all_of[BOOK.bent] + lost - work
+    if taken > 0.0 or gain > min(_COARSE * play, MADE * play + lost) + 1e-9:
+        kind = TAKEN_BACK if taken > 0.0 else COARSE
+        count = tell(told, count, kind, last - 1, max(gain, taken), play)
+    return count

@@ -132,12 +132,8 @@ def touch_ground(plant: Opened, closed: Flags) -> None:
     Of those whose flag (2 j + c,) is set, or, without flags, of all.
     """
     obstacles, poses, pairs = plant.obstacles, plant.placed.poses, plant.bodies.pairs
-    points, touch, limits, some = (
-        obstacles.points,
-        obstacles.touch,
-        obstacles.limits,
-        len(closed) > 0,
-    )
+    points, touch, limits = obstacles.points, obstacles.touch, obstacles.limits
+    some = len(closed) > 0
     count, ground = len(points), len(touch) - len(plant.bodies.slots)
     for i in range(count if obstacles.asked != 0 or len(pairs) > 0 else 0):
         placed_at(poses[obstacles.contact_at[i]], obstacles.contacts[i], points[i])
@@ -284,9 +280,9 @@ def barrier_rows(plant: Opened, held: Places, first: int, matrix: OutDense, axes
 
 
 @inner
-def other_place(plant: Opened, step: float) -> float:
+def other_place(bounds: Row, step: float) -> float:
     """Return the gap [m] from which on a closed barrier is at another place, in a part of h [s]."""
-    return min(_JUMPED * float(plant.bounds[RETURN_SPEED]) * step, 0.5 * FAR)
+    return min(_JUMPED * float(bounds[RETURN_SPEED]) * step, 0.5 * FAR)
 
 
 @inner
@@ -310,7 +306,7 @@ def lowest_speeds(plant: Opened, held: Places, step: float, rows: Dense, targets
         targets: to write.
     """
     limits, end = plant.obstacles.limits, plant.end
-    gap, rate, speed, jumped = end.gap, end.rate, end.speed, other_place(plant, step)
+    gap, rate, speed, jumped = end.gap, end.rate, end.speed, other_place(plant.bounds, step)
     for row in range(len(held)):
         i, targets[row] = held[row], 0.0
         if end.kept[i] or (i >= limits and gap[i] > jumped):

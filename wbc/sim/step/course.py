@@ -20,7 +20,7 @@ from wbc.mechanics.newton import UNSOLVED
 from wbc.sim.step.contacts import gaps_of
 from wbc.sim.step.impact import HIT, settle
 from wbc.sim.step.part import LANDED, part_with_mesh
-from wbc.sim.step.solution import WAY
+from wbc.sim.step.part_rows import WAY
 from wbc.sim.step.tables import LENGTH, SLOW, STAGE, TIME, TOUCH, Opened
 
 _TRIES = 40
@@ -171,47 +171,6 @@ def read(given: Vector, copied: OutRow) -> None:
 
 
 @inner
-def begin_step(
-    plant: Opened,
-    q: Vector,
-    v: Vector,
-    impulse: Row,
-    deflection: Vector,
-    speed: Vector,
-    closed: Flags,
-    torque: Vector,
-) -> bool:
-    """Write the state in which a step starts, and what is commanded within its bounds.
-
-    Arguments as of `take_step`. Where loops ask for what acts in the middle of parts, that is
-    written anew there.
-
-    Returns:
-        False where a command is no number.
-    """
-    now, forces, good = plant.now, plant.forces, True
-    known = len(closed) == len(now.closed)
-    now.deflection[:], now.flow[:] = 0.0, 0.0
-    now.numbers[STAGE] = 0.0
-    read(q, now.position)
-    read(v, now.velocity)
-    read(deflection, now.deflection)
-    if len(impulse) == len(now.impulse):
-        copy_to(impulse, now.impulse)
-    else:
-        now.impulse[:] = 0.0
-    for i in range(len(torque)):
-        now.motor_speed[i] = speed[i] if len(speed) else dot(now.velocity, plant.gears.rows[i])
-        good = good and bool(np.isfinite(torque[i]))
-        now.command[i] = min(max(torque[i], forces.low[i]), forces.high[i])
-    copy_to(now.command, forces.command)
-    now.closed[:], now.kept[:], now.struck[:] = False, False, False
-    for i in range(len(closed) if known else 0):
-        now.closed[i] = closed[i]
-    return good
-
-
-@inner
 def note(plant: Opened, ended: bool) -> None:
     """Write down a part or an impact that has ended, else the end of the step."""
     now, numbers, flow = plant.now.words, plant.now.numbers, plant.now.flow
@@ -247,37 +206,22 @@ def meet(plant: Opened, left: float, goes_on: bool) -> int:
     return 0
 
 
-@compiled
-def take_step(
-    plant: Opened,
-    q: Vector,
-    v: Vector,
-    impulse: Row,
-    deflection: Vector,
-    speed: Vector,
-    closed: Flags,
-    torque: Vector,
-) -> int:
-    """Take a step: smooth parts, and the impacts between them.
+@compiled(inside=True)
+def go_on(plant: Opened, known: bool) -> int:
+    """Do the parts and impacts of a step; return as `take_step` does.
 
     Barriers that are kept are rows of what is left of the step: they may close within it, but not
     be passed. A kept row closes at some speed, which an impact is to take: at the end of the step
     for all, and before it for those that close faster than what is left of it can stop.
 
     Args:
-        plant: what moves, with outer forces; `now.numbers` has TIME and, as LENGTH, h [s].
-        q, v, impulse, deflection, speed, closed: of the `SimState` at the start.
-        torque: (m,) [N m] commanded on the rotors.
-
-    Returns:
-        zero, or how it failed, see NO_COMMAND; `plant.stages` holds the course of the step.
+        plant: with the state at the start.
+        known: whether that tells which barriers hold.
     """
     now, end, over, failed = plant.now, plant.end, False, 0
     numbers = now.numbers
     left = step = numbers[LENGTH]
-    if not begin_step(plant, q, v, impulse, deflection, speed, closed, torque):
-        return NO_COMMAND
-    if len(closed) != len(now.closed):
+    if not known:
         failed = meet(plant, step, False)
     while failed == 0 and not over:
         result, length, more = flow_until(plant, left)
@@ -301,3 +245,47 @@ def take_step(
             failed = meet(plant, step if over else left, keeps and not over)
     note(plant, False)
     return failed
+
+
+@compiled
+def take_step(
+    plant: Opened,
+    q: Vector,
+    v: Vector,
+    impulse: Row,
+    deflection: Vector,
+    speed: Vector,
+    closed: Flags,
+    torque: Vector,
+) -> int:
+    """Take a step: smooth parts, and the impacts between them.
+
+    Args:
+        plant: what moves, with outer forces; `now.numbers` has TIME and, as LENGTH, h [s].
+        q, v, impulse, deflection, speed, closed: of the `SimState` at the start.
+        torque: (m,) [N m] commanded on the rotors, which give it within their bounds. Where loops
+            ask for what acts in the middle of parts, it is written anew there.
+
+    Returns:
+        zero, or how it failed, see NO_COMMAND; `plant.stages` holds the course of the step.
+    """
+    now, forces, good = plant.now, plant.forces, True
+    known = len(closed) == len(now.closed)
+    now.deflection[:], now.flow[:] = 0.0, 0.0
+    now.numbers[STAGE] = 0.0
+    read(q, now.position)
+    read(v, now.velocity)
+    read(deflection, now.deflection)
+    if len(impulse) == len(now.impulse):
+        copy_to(impulse, now.impulse)
+    else:
+        now.impulse[:] = 0.0
+    for i in range(len(torque)):
+        now.motor_speed[i] = speed[i] if len(speed) else dot(now.velocity, plant.gears.rows[i])
+        good = good and bool(np.isfinite(torque[i]))
+        now.command[i] = min(max(torque[i], forces.low[i]), forces.high[i])
+    copy_to(now.command, forces.command)
+    now.closed[:], now.kept[:], now.struck[:] = False, False, False
+    for i in range(len(closed) if known else 0):
+        now.closed[i] = closed[i]
+    return go_on(plant, known) if good else NO_COMMAND

@@ -16,14 +16,15 @@ from wbc.mechanics.newton import UNSOLVED
 from wbc.sim.step.contacts import gaps_of
 from wbc.sim.step.motion import weigh
 from wbc.sim.step.part_rows import (
+    NO_INERTIA,
+    WAY,
     PartRows,
     motor_speeds,
     rotor_brings,
     rotor_energy,
     rows_where,
-    world_pushes,
+    solve_part,
 )
-from wbc.sim.step.solution import NO_INERTIA, WAY, solve_part
 from wbc.sim.step.tables import BOOK, RESTITUTION, TOUCH, Gears, Opened
 
 APART, RESTING, HIT = range(3)
@@ -184,7 +185,6 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
     found[BOOK.impact] = (
         found[BOOK.kinetic] - kinetic_of(plant, end.after, following) - found[BOOK.impact_mesh]
     )
-    world_pushes(plant, rows)
     # What parts so slowly that gravity brings it back within the step stays closed.
     slow = 0.5 * left * np.sqrt(dot(gravity, gravity))
     for row in range(len(rows.held)):

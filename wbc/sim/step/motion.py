@@ -97,6 +97,13 @@ def set_momentum(plant: Opened, v: OutRow) -> None:
 
 
 @inner
+def look_and_set(plant: Opened, v: OutRow) -> None:
+    """Do `set_momentum` in given poses."""
+    look(plant)
+    set_momentum(plant, v)
+
+
+@inner
 def advance(plant: Opened, half: float, q: OutRow) -> None:
     """Move the bases in q and poses so that each centre of mass has moved in a straight line.
 
@@ -126,6 +133,16 @@ def advance(plant: Opened, half: float, q: OutRow) -> None:
         for body in range(len(joints)):
             if joints[body, 4] == joint:
                 add_times(1.0, missing, poses[body, 9:])
+
+
+@inner
+def to_end(plant: Opened, half: float) -> None:
+    """Move q (nq,) and the poses from the middle of a part to its end, half a step later."""
+    end = plant.end
+    carry(plant, end.after)
+    moved_along(plant.tree.joints, end.before, end.after, half, end.position)
+    put(plant, end.position)
+    advance(plant, half, end.position)
 
 
 @inner
@@ -159,8 +176,7 @@ def to_middle(plant: Opened, half: float) -> None:
             add_times(1.0 / behind[0], behind[1:4], carried[6:])
         moved_along(joints, q, v, half, middle)
         put(plant, middle)
-        look(plant)
-        set_momentum(plant, speed)
+        look_and_set(plant, speed)
     moved_along(joints, q, speed, half, middle)
     put(plant, middle)
     advance(plant, half, middle)

@@ -1,25 +1,37 @@
-"""One smooth part of a step: both halves, and the rows between them (see `part_rows`)."""
+"""One smooth part of a step: both halves, and the rows between them (see `part_rows`).
+
+What a barrier is overrun by (drift of a part of a step, or a ground whose gap jumps) is a matter of
+place. Were it taken back by a speed, the robot would leave with that speed: the robot is moved out,
+its velocity stays.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Places, Row, ask, compiled, inner
-from wbc.mechanics.linear import add_times, dot
-from wbc.mechanics.newton import UNSOLVED
-from wbc.sim.step.arrival import arrive
-from wbc.sim.step.books import TURN, books_of, fastest_turn, keep_passive
-from wbc.sim.step.contacts import gaps_at
-from wbc.sim.step.motion import to_middle
+from wbc.compiled import Dense, OutRow, Places, Row, ask, compiled, inner
+from wbc.mechanics.kinematics import moved_along
+from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, rest_of_way
+from wbc.mechanics.memory import (
+    copied_row,
+    copied_table,
+    reserve,
+    row_of,
+    table_of,
+    whole_of,
+    zeros_of,
+)
+from wbc.mechanics.newton import UNSOLVED, solve_system, speeds_at
+from wbc.mechanics.rows import system_of
+from wbc.sim.step.books import TURN, books_of, keep_passive
+from wbc.sim.step.contacts import NEAR, barrier_rows, gaps_at, gaps_of, other_place, put
+from wbc.sim.step.motion import look_and_set, to_end, to_middle, weigh
 from wbc.sim.step.pairs import FAR
-from wbc.sim.step.part_rows import PartRows, rows_of, world_pushes
-from wbc.sim.step.solution import NO_INERTIA, solve_part
-from wbc.sim.step.tables import HERTZ, LENGTH, TOUCH, Opened
+from wbc.sim.step.part_rows import NO_INERTIA, PartRows, rows_of, solve_part
+from wbc.sim.step.tables import LENGTH, RETURN_SPEED, TOUCH, Opened
 
 SMOOTH, LANDED = 1, 2
 """A part to the end; one in which a barrier was passed on the way."""
-
-_FASTEST = 10.0
 
 _MESH_ROUNDS = 40
 _MESH_TOLERANCE = 1e-9  # of the torque that a gear carries; steps are solved to 1e-10
@@ -30,30 +42,142 @@ _LEAST_SLOPE, _MOST_SLOPE = -19.0, 0.95
 _ROUNDING = 1e-12
 """Share of all pushes that is none: what opens is not held back by an impulse of 1e-20 N s."""
 
+DRIFT = 1e-8
+"""Overlap, or gap of a barrier that is pressed, [m, rad] from which on it is taken back."""
+
+_CORRECTIONS = 10
+"""Most shifts along the rows of the middle that take an overlap back. Gaps are not linear in the
+shift: after steps of 20 ms one shift left up to 0.1 mm. Of 614 corrections in 60 soft scenes of
+519 steps of random scenes took one shift, 81 two, 11 three and 3 four."""
+
+_HAIR, _SOFT = 1e-9, 1e-3
+"""Compliance, as a share of its own, of a barrier that pushes (it chooses among equal pushes), and
+of one that pulls. Two places of a box 2 mm apart on a field, one 2e-6 m open and one 3e-6 m deep,
+took a shift of 0.7 mm when both were met exactly, which lifted the box by 0.01 J.
+"""
+_TRIES = 100
+
 
 @inner
-def begin(plant: Opened, step: float) -> PartRows:
-    """Return the rows of a part, which start from the last step's impulses.
+def shift_of(
+    plant: Opened, metric: Dense, matrix: Dense, pressed: Places, missing: Row, shift: OutRow
+) -> bool:
+    """Write the least shift (nv,) that takes overlaps back; False where none can be found.
 
-    Where H_l is not positive, `lower[0, 0]` is no number. Compliant contacts take part that may be
-    met within it: `_FASTEST` [m/s]. One that comes faster is met by the part after, deeper in its
-    spring.
+    It is the speed at which rows end that push, and those that pull softly beside pressed ones:
+    rows of places that are near to each other are nearly the same, and to meet what each of them
+    lacks exactly would take a shift a thousand times as long.
 
     Args:
-        plant: whose memory stands in the middle; which barriers hold is written.
-        step: h [s].
+        plant: whose heap has room.
+        metric: (nv, nv) in which it is least.
+        matrix: (b, nv) rows of the closed limits and normals.
+        pressed: (b,) one where they carry an impulse: their gaps are taken back from either side.
+        missing: (b,) by which their gaps are to open, below zero where they may close.
+        shift: to write.
     """
-    end, before = plant.end, plant.now.closed
-    for i in range(len(before)):
-        end.closed[i] = before[i] or end.kept[i]
-    if plant.bounds[HERTZ] > 0.0:
-        gaps_at(plant, end.before, before[:0], end.gap)
-        for i in range(plant.obstacles.limits, len(before)):
-            end.closed[i] = end.gap[i] < 0.5 * step * _FASTEST
-    rows = rows_of(plant, step)
-    for i in range(len(rows.start)):
-        rows.start[i] = plant.now.impulse[rows.places[i]]
-    return rows
+    heap, n, count, size = plant.heap, len(shift), len(missing), len(missing)
+    for i in range(count):
+        size += pressed[i]
+    taken, lower, rows = heap.used[0], table_of(heap, n, n), table_of(heap, size, n)
+    targets, start, push = row_of(heap, size), zeros_of(heap, size), row_of(heap, size)
+    good, still, none, pull = factor_inertia(metric, lower), zeros_of(heap, n), rows[:0], count
+    for i in range(count if good else 0):
+        copy_to(matrix[i], rows[i])
+        targets[i] = missing[i]
+        if pressed[i] > 0:
+            for j in range(n):
+                rows[pull, j] = -matrix[i, j]
+            targets[pull], pull = -missing[i], pull + 1
+    if good:
+        system = system_of(heap, rows, lower, still, none, none, targets, still[:0])
+        for i in range(size):
+            system.give[i] = (_HAIR if i < count else _SOFT) * system.own[i]
+        good = solve_system(system, start, 1.0, push)[1] < UNSOLVED
+        speeds_at(system, push, shift, targets)
+        rest_of_way(lower, shift)
+    heap.used[0] = taken
+    return good
+
+
+@inner
+def take_back(plant: Opened, rows: PartRows, pressed: Places, furthest: float) -> None:
+    """Move the robot out of overlaps, in a few shifts, see `_CORRECTIONS`.
+
+    Their size is measured with the rotors of rigid gears: what is light moves first.
+
+    Args:
+        plant: its memory stands at the end, but for `placed.inertia`: that is the middle's.
+            Position, gaps and shift of the end are changed.
+        rows: of the part.
+        pressed: (b,) one where its closed limits and normals carry an impulse.
+        furthest: [m, rad] by which an overlap is taken back at most.
+    """
+    q, gap, gears, heap = plant.end.position, plant.end.gap, plant.gears, plant.heap
+    held, n, off, first = rows.held, rows.matrix.shape[1], np.inf, len(rows.laws)
+    count, metric = len(held), copied_table(heap, plant.placed.inertia)
+    matrix = rows.matrix[first : first + count]
+    aim, missing, shift = row_of(heap, count), row_of(heap, count), row_of(heap, n)
+    last, gap_last = copied_row(heap, q), copied_row(heap, gap)
+    for g in range(len(gears.rows)):
+        turning = gears.rows[g]
+        for i in range(0 if gears.yields[g] else n):
+            if turning[i] != 0.0:
+                add_times(gears.inertia[g] * turning[i], turning, metric[i])
+    for row in range(count):
+        here = gap[held[row]]
+        most = furthest if pressed[row] > 0 else np.inf
+        aim[row] = here + min(max(-here, -most), furthest)
+    for turn in range(_CORRECTIONS + 1):
+        before, off = off, 0.0
+        for row in range(count):
+            missing[row] = aim[row] - gap[held[row]] if held[row] < plant.obstacles.rigid else -FAR
+            off = max(off, abs(missing[row]) if pressed[row] > 0 else missing[row])
+        if not off < before:  # Ground with edges: a shift that leads astray is undone.
+            copy_to(last, q)
+            copy_to(gap_last, gap)
+            put(plant, q)
+            return
+        if turn > 0:
+            add_times(1.0, shift, plant.end.moved)
+        small = off <= DRIFT or off > 0.5 * before or turn == _CORRECTIONS
+        if small or not shift_of(plant, metric, matrix, pressed, missing, shift):
+            return
+        copy_to(q, last)
+        copy_to(gap, gap_last)
+        moved_along(plant.tree.joints, last, shift, 1.0, q)
+        gaps_of(plant, q, gap)
+
+
+@inner
+def arrive(plant: Opened, rows: PartRows, pushes: Row) -> None:
+    """Write the end of a part.
+
+    These are position, velocity (with the momentum that it has in the middle), gaps, the shift out
+    of overlaps, and overlaps beyond what is taken back. Compliant barriers do not drift.
+
+    Args:
+        plant: its memory stands at the middle, and afterwards at the end.
+        rows: of the part.
+        pushes: (l + k,) impulses of the closed limits and normals.
+    """
+    end, held, off = plant.end, rows.held, 0.0
+    to_end(plant, 0.5 * rows.step)
+    gaps_at(plant, end.position, end.closed[:0], end.gap)
+    pressed, furthest = whole_of(plant.heap, len(held)), plant.bounds[RETURN_SPEED] * rows.step
+    jumped, rigid = other_place(plant.bounds, rows.step), plant.obstacles.rigid
+    end.moved[:], end.deepest[:] = 0.0, 0.0
+    for row in range(len(held)):
+        gap = end.gap[held[row]] if held[row] < rigid else np.inf
+        pressed[row] = int(pushes[row] > 0.0 and gap < jumped)
+        off = max(off, abs(gap) if pressed[row] > 0 else -gap)
+        if -gap - furthest > max(end.deepest[0], TOUCH):
+            end.deepest[0], end.deepest[1] = -gap - furthest, held[row]
+    if off > DRIFT:
+        take_back(plant, rows, pressed, furthest)
+    copy_to(end.after, end.velocity)
+    if len(plant.placed.bases):
+        look_and_set(plant, end.velocity)
 
 
 @inner
@@ -113,17 +237,14 @@ def part_of_step(plant: Opened, step: float) -> int:
     plant.now.numbers[LENGTH] = step
     if plant.forces.asked != 0:
         ask(plant.forces.asked)
-    rows = begin(plant, step)
+    rows = rows_of(plant, step)
     if not rows.lower[0, 0] > 0.0:
         return 10 + NO_INERTIA
     way = solve_part(plant, rows, end.speed, 1.0)
     keep(plant, rows)
     if way >= UNSOLVED:
         return 10 + way
-    books_of(plant, rows)
-    elements, both = len(rows.laws), len(rows.targets)
-    turns = fastest_turn(plant, end.speed) + fastest_turn(plant, end.after)
-    world_pushes(plant, rows)
+    elements, both, turns = len(rows.laws), len(rows.targets), books_of(plant, rows)
     pressed = rows.impulse[elements : elements + both]
     rounding = 0.0
     for i in range(both):
@@ -169,3 +290,45 @@ def part_with_mesh(plant: Opened, step: float) -> int:
             break
         add_times(1.0, change, taken)
     return result
+
+
+@compiled
+def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
+    """Move q (nq,) out of the ground; False where no motion does it.
+
+    Args:
+        plant: what is moved.
+        stiff: (nv,) ones for coordinates that keep still where others can do it.
+        q: to change.
+        gap: (2 j + c,) at the start, to write.
+    """
+    n, size = len(stiff), len(gap)
+    here, start, shift, last = np.empty(size), q.copy(), np.empty(n), np.empty(len(q))
+    for turn in range(_TRIES):
+        gaps_of(plant, q, here)
+        if turn == 0:
+            copy_to(here, gap)
+        near, count, touching, deepest = np.empty(size, dtype=np.int64), 0, 0, 0.0
+        for i in range(size):
+            deepest = min(deepest, here[i])
+            if here[i] < NEAR:
+                near[count], count = i, count + 1
+                touching += i >= plant.obstacles.limits
+        if deepest >= -0.5 * TOUCH:
+            return True
+        weigh(plant)
+        matrix, axes = np.empty((count + 2 * touching, n)), np.empty((touching * 3, 3))
+        barrier_rows(plant, near[:count], 0, matrix, axes)
+        metric, most = plant.placed.inertia.copy(), np.max(plant.placed.inertia)
+        for i in range(n):
+            metric[i, i] += 1e6 * most * stiff[i]
+        copy_to(q, last)
+        free, missing = np.zeros(count, dtype=np.int64), np.empty(count)
+        for row in range(count):
+            missing[row] = min(-here[near[row]], NEAR)
+        reserve(plant.heap, (2 * count + n) * (2 * n + 150))
+        if not shift_of(plant, metric, matrix[:count], free, missing, shift):
+            return False
+        moved_along(plant.tree.joints, last, shift, 1.0, q)
+    copy_to(start, q)
+    return False

@@ -5,7 +5,8 @@ A part is Moreau's midpoint scheme, in which no barrier is hit:
     q_m = q + h/2 v;  H(q_m)(v' - v) = h (forces at q_m) + row impulses;  q' = q_m + h/2 v'
 
 On a free base v is the momentum's at each of the three places (`motion`). The rows are put together
-in the middle. An impact has the same rows, but for its laws and targets.
+in the middle. An impact has the same rows, but for its laws and targets. The inertial coupling of
+rotors and housings is in no law of a row: rounds of the solution take it from the last iterate.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, Row, inner
+from wbc.compiled import Dense, Flags, OutDense, OutPlaces, OutRow, Row, inner
 from wbc.effects.tables import fill_delivered, fill_joint_torques, near_rest
 from wbc.mechanics.inertia import move_bodies, part_on_joints
 from wbc.mechanics.kinematics import JOINT
@@ -28,13 +29,41 @@ from wbc.mechanics.laws import (
     RATE,
     STEP,
     STIFFNESS,
+    own_speed,
 )
-from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, solve_inertia
-from wbc.mechanics.memory import copied_row, reserve, row_of, table_of, whole_of, zeros_of
+from wbc.mechanics.linear import (
+    add_times,
+    copy_to,
+    dot,
+    factor_inertia,
+    rest_of_way,
+    solve_inertia,
+)
+from wbc.mechanics.memory import (
+    copied_row,
+    copied_table,
+    reserve,
+    row_of,
+    table_of,
+    whole_of,
+    zeros_of,
+)
+from wbc.mechanics.newton import PASSIVE, SEVERAL, UNSOLVED, residual, solve_system, speeds_at
 from wbc.mechanics.rows import RowSystem, system_of
 from wbc.sim.step.contacts import barrier_rows, gaps_at, lowest_speeds
+from wbc.sim.step.self_locking import solve_rows
 from wbc.sim.step.tables import DISSIPATION, HERTZ, Gears, Opened
 from wbc.structures import WORDS, kept, structured
+
+NO_INERTIA = SEVERAL + 1
+"""H_l is not positive definite."""
+USED, WAY, MISSED = range(3)
+"""Of a solution: linear systems solved, what found it, and the speed by which a passive one misses
+the laws, else zero."""
+
+_FASTEST = 10.0
+_ROUNDS = 200
+_COUPLING_TOLERANCE = 1e-13
 
 
 @structured
@@ -236,15 +265,19 @@ def flanks_of(plant: Opened, rows: PartRows) -> None:
 
 @inner
 def rows_of(plant: Opened, step: float) -> PartRows:
-    """Return the rows of a part; `lower[0, 0]` is no number where H_l is not positive.
+    """Return the rows of a part, which start from the last step's impulses.
+
+    Where H_l is not positive, `lower[0, 0]` is no number. Compliant contacts take part that may be
+    met within it: `_FASTEST` [m/s]. One that comes faster is met by the part after, deeper in its
+    spring.
 
     Args:
-        plant: whose memory stands in the middle; forces there are written, and gaps where any
-            barrier is closed.
+        plant: whose memory stands in the middle; forces there are written, which barriers hold, and
+            gaps where any does.
         step: h [s].
     """
-    gears, forces, end, rubbing, touches = plant.gears, plant.forces, plant.end, 0, False
-    dry, row = forces.friction, len(gears.rows)
+    gears, forces, end, before, rubbing = plant.gears, plant.forces, plant.end, plant.now.closed, 0
+    dry, row, soft, asked = forces.friction, len(gears.rows), plant.bounds[HERTZ] > 0.0, False
     fill_joint_torques(forces.joints, forces.numbers, end.before, end.speed, end.force, dry)
     fill_delivered(forces.drives, forces.command, end.torque)
     add_times(1.0, forces.external, end.force)
@@ -253,10 +286,13 @@ def rows_of(plant: Opened, step: float) -> PartRows:
     add_times(1.0, forces.added, end.torque)
     for c in range(len(dry)):
         rubbing += gears.alone[c] and dry[c] > 0.0
-    for i in range(len(end.closed)):
-        touches = touches or end.closed[i]
-    if touches:
-        gaps_at(plant, end.before, end.closed, end.gap)
+    for i in range(len(before)):
+        end.closed[i] = before[i] or end.kept[i]
+        asked = asked or soft or end.closed[i]
+    if asked:
+        gaps_at(plant, end.before, before[:0] if soft else end.closed, end.gap)
+    for i in range(plant.obstacles.limits, len(before) if soft else 0):
+        end.closed[i] = end.gap[i] < 0.5 * step * _FASTEST
     rows = rows_where(plant, end.closed, rubbing, step)
     free_velocity(plant, rows)
     gear_laws(plant, rows.motor, step, rows.laws)
@@ -268,6 +304,8 @@ def rows_of(plant: Opened, step: float) -> PartRows:
     lowest_speeds(plant, rows.held, step, rows.matrix[row:], rows.targets)
     if len(rows.flanks) > 0:
         flanks_of(plant, rows)
+    for i in range(len(rows.start)):
+        rows.start[i] = plant.now.impulse[rows.places[i]]
     return rows
 
 
@@ -291,9 +329,118 @@ def world_pushes(plant: Opened, rows: PartRows) -> None:
 
 
 @inner
-def part_system(plant: Opened, rows: PartRows) -> RowSystem:
-    """Return what a part is to its rows."""
-    return system_of(
-        plant.heap, rows.matrix, rows.lower, rows.free, rows.laws, rows.flanks, rows.targets,
+def lag_coupling(
+    plant: Opened,
+    rows: PartRows,
+    system: RowSystem,
+    speed: Row,
+    last: Row,
+    laws: Dense,
+    shifted: OutRow,
+) -> None:
+    """Put the inertial coupling of rotors and housings at a last iterate into the rows.
+
+    The rotor's momentum is I_r (phi_dot + a'J_omega v), so a change of v asks the impulse N C dv of
+    the rotor (at the motor output, C = I_r a'J_omega) and a change of its spin asks C' N dw of the
+    links. Both are taken from the last iterate; the iteration contracts by about the share of rotor
+    in link inertia.
+
+    Args:
+        plant: with `coupling` and `gyration`.
+        rows: of the part.
+        system: of the rows, whose free speeds are changed.
+        speed: v (nv,) before.
+        last: v (nv,) of the last iterate.
+        laws: (m, 9) without coupling, over a step; those of the system are changed.
+        shifted: v (nv,) without the rows, to write.
+    """
+    gears, n, m, step = plant.gears, len(speed), len(plant.gears.rows), rows.step
+    for c in range(n):
+        shifted[c] = -step * gears.gyration[0, c]
+    for i in range(m):
+        turned, taken = 0.0, step * gears.gyration[0, n + i]
+        for c in range(n):
+            turned += gears.rows[i, c] * (last[c] - speed[c])
+            taken += gears.coupling[i, c] * (last[c] - speed[c])
+        add_times(-turned, gears.coupling[i], shifted)
+        if step > 0.0:
+            system.laws[i, 0], system.laws[i, 1] = laws[i, 0] - taken, laws[i, 1] - taken
+        elif not gears.yields[i]:
+            brought = gears.inertia[i] * rows.motor[i] - taken
+            rotor_brings(gears, i, brought, system.laws[i])
+    solve_inertia(rows.lower, shifted)
+    add_times(1.0, rows.free, shifted)
+    for i in range(len(system.free)):
+        system.free[i] = dot(shifted, rows.matrix[i])
+
+
+@inner
+def settles(after: Row, last: OutRow) -> float:
+    """Return by how much a round has changed v (nv,), zero where it is rounding."""
+    moved, largest = 0.0, 0.0
+    for c in range(len(after)):
+        moved = max(moved, abs(after[c] - last[c]))
+        largest = max(largest, abs(last[c]))
+    return 0.0 if moved <= _COUPLING_TOLERANCE * (1.0 + largest) else moved
+
+
+@inner
+def solve_part(plant: Opened, rows: PartRows, speed: Row, work: float) -> int:
+    """Write how the rows of a part end, with every row on its law.
+
+    Args:
+        plant: what moves; `after`, `pushes` and `work` of its end are written.
+        rows: of the part; laws and free velocity are those of the solution afterwards.
+        speed: v (nv,) before.
+        work: share of what `solve_system` may do in an impact.
+
+    Returns:
+        what found it; UNSOLVED or more where nothing did.
+    """
+    gears, heap = plant.gears, plant.heap
+    coupled, taken = len(gears.coupling) > 0, heap.used[0]
+    system = system_of(
+        heap, rows.matrix, rows.lower, rows.free, rows.laws, rows.flanks, rows.targets,
         rows.frictions,
     )  # fmt: skip
+    laws, last, shifted = system.laws, copied_row(heap, speed), rows.free
+    used, way, missed = 0, 0, 0.0
+    impulse, after, work_of = rows.impulse, plant.end.after, plant.end.work
+    if coupled:
+        laws, shifted = copied_table(heap, laws), copied_row(heap, rows.free)
+    begun = heap.used[0]
+    for _ in range(_ROUNDS if coupled else 1):
+        heap.used[0] = begun
+        if coupled:
+            lag_coupling(plant, rows, system, speed, last, laws, shifted)
+        if coupled or gears.loose:
+            more, way = solve_system(system, rows.start, work, impulse)
+        else:
+            more, way = solve_rows(system, rows.start, work, impulse)
+        used += more
+        speeds_at(system, impulse, after, rows.speed)
+        rest_of_way(rows.lower, after)
+        add_times(1.0, shifted, after)
+        if way >= UNSOLVED or not coupled:
+            break
+        copy_to(impulse, rows.start)
+        missed = settles(after, last)
+        copy_to(after, last)
+        if missed == 0.0:
+            break
+    if way < UNSOLVED and not np.isfinite(np.sum(after)):
+        way = UNSOLVED
+    if missed > 0.0 and way < UNSOLVED:  # the rounds end before all is settled
+        way, missed = PASSIVE, max(missed, system.tolerance)
+    if way == PASSIVE or len(rows.flanks) > 0:
+        off = residual(system, impulse)  # springs of flanks are those of the solution then
+        missed = max(missed, off if way == PASSIVE else 0.0)
+    for i in range(len(gears.rows) if len(rows.flanks) > 0 else 0):
+        if gears.yields[i]:
+            own = own_speed(system.laws[i], system.slope[i], impulse[i], rows.speed[i])
+            rows.end[i] = own - rows.speed[i]
+    copy_to(shifted, rows.free)
+    world_pushes(plant, rows)
+    heap.used[0] = taken
+    work_of[USED], work_of[WAY], work_of[MISSED] = used, way, missed
+    return way

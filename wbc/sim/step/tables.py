@@ -282,7 +282,7 @@ class Ending(NamedTuple):
         pushes: * (3 (k + p),) impulses [N s] on contact points, and on the first hull of each
             pair, world axes.
         books: * (18,) work and losses [J], see BOOK.
-        work: * (3,) USED to MISSED of `solution`.
+        work: * (3,) USED to MISSED of `part_rows`.
         before, speed: q (nq,), v (nv,) in the middle, before forces and impulses.
         force: (nv,) generalised forces in the middle, of effects and from outside.
         words: all of this in one; what follows is not kept of a stage.
