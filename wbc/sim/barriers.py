@@ -73,12 +73,6 @@ class Barriers:
         counts = self.limits, self.size, int(len(known) < len(terrain.solids))
         self.obstacles = Obstacles(limit_at, limit_range, *points, solids, *room, *counts)
 
-    def within_limits(self, position: FloatArray) -> FloatArray:
-        """Return q (nq,) with every joint within its limits."""
-        q, at = np.array(position), self.obstacles.limit_at[:, 0]
-        q[at] = np.clip(q[at], *self.obstacles.limit_range.T)
-        return q
-
 
 def _finite(limits: FloatArray) -> FloatArray:
     """Return limits with pinocchio's way of saying "none" (the largest double) as infinity."""

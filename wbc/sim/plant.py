@@ -257,10 +257,12 @@ class Plant(Ranged):
         """
         barriers, stiff = self._setup.barriers, np.zeros(self.robot.model.nv)
         stiff[self.robot.actuated] = 1.0
-        q, gap = barriers.within_limits(position), np.empty(barriers.size)
-        done = lift(self._setup.plant, stiff, q, gap)
+        q, at = np.array(position), barriers.obstacles.limit_at[:, 0]
+        q[at] = np.clip(q[at], *barriers.obstacles.limit_range.T)
+        done = lift(self._setup.plant, stiff, q)
         self._setup.heard()
         if not done:
+            gap = self._setup.gaps(q)
             place = int(np.argmin(gap))
             raise SimulationError(
                 f"'{self.robot.name}' cannot be lifted out of the ground: {barriers.names[place]} "

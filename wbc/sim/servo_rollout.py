@@ -267,18 +267,16 @@ def servo_rollout(
             table holds (`wbc.effects.tables`).
     """
     length = max(run.goal.size for run in runs)
-    goal = np.stack([_held(run.goal, length) for run in runs], axis=1)
-    enabled = np.stack([_held(run.enabled, length) for run in runs], axis=1)
+    goal, enabled = (
+        np.stack([np.pad(one, (0, length - one.size), "edge") for one in part], axis=1)
+        for part in ([run.goal for run in runs], [run.enabled for run in runs])
+    )
     gain, start = np.array([(run.gain, run.position[0]) for run in runs], dtype=float).T.copy()
     reached = np.empty((length, len(variants) * len(runs)))
     servos = _servos(variants, [run.machine for run in runs])
     make_ready("wbc.sim.servo_rollout")
     follow_targets(servos, goal, enabled, gain, start, step, reached)
     return reached.reshape(length, len(variants), len(runs))
-
-
-def _held(values: FloatArray, length: int) -> FloatArray:
-    return np.concatenate([values, np.full(length - values.size, values[-1])])
 
 
 def _servos(

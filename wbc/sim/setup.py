@@ -163,7 +163,7 @@ class Setup:
             told = told._replace(asked=self._address(self._ask_ground))
         rows = m + nv + size + 2 * len(told.touch)
         pushes = 3 * (barriers.points + len(barriers.pairs))
-        end = m, size, nv, m, m, 2, pushes, 18, 3, nq, nv, nv, rows, nq, nv, m, size, nv, size
+        end = m, size, nv, m, m, 2, pushes, 18, 3, nq, nv, nv, rows, nq, nv, m, size, nv
         now, self._now_kind = _memory(tables.Now, 3, nq, nv, rows, m, m, m, 13, *[size] * 3)
         ending, self._end_kind = _memory(tables.Ending, *end, *[size] * 4)
         shapes = (n + 1, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), (3,)

@@ -218,7 +218,7 @@ def contact_row(plant: Opened, which: int, axis: Row, row: OutRow) -> None:
 
 @inner
 def rates_at(plant: Opened, closed: Flags, v: Row, rate: OutRow) -> None:
-    """Write how fast the robot opens its closed contacts (2 j + c,) at v (nv,); zero for all else.
+    """Write how fast the robot opens its closed contacts (2 j + c,) at v (nv,), and nothing else.
 
     Args:
         plant: whose columns and touches stand where the robot is; `moved` of its end is memory.
@@ -227,9 +227,8 @@ def rates_at(plant: Opened, closed: Flags, v: Row, rate: OutRow) -> None:
         rate: to write.
     """
     limits, row = plant.obstacles.limits, plant.end.moved
-    for b in range(len(closed)):
-        rate[b] = 0.0
-        if b >= limits and closed[b]:
+    for b in range(limits, len(closed)):
+        if closed[b]:
             contact_row(plant, b - limits, plant.obstacles.touch[b - limits, 1:4], row)
             rate[b] = dot(v, row)
 

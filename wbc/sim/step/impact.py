@@ -142,7 +142,7 @@ def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> 
         if back * min(approach, 0.0) < 0.0:
             end.books[BOOK.share] = share
         coming = coming or (not before[i] and approach < least - _SLOW)
-        end.aims[row] = rows.targets[row] = least + opening
+        rows.targets[row] = least + opening
     return coming
 
 

@@ -156,10 +156,9 @@ def to_middle(plant: Opened, half: float) -> None:
     joints, bases = plant.tree.joints, plant.placed.bases
     q, v, closed = plant.now.position, plant.now.velocity, plant.now.closed
     middle, speed, rate = plant.end.before, plant.end.speed, plant.end.rate
-    touching = False
+    touching, rate[:] = False, 0.0
     for i in range(plant.obstacles.limits, len(closed)):
         touching = touching or closed[i]
-    rate[:] = 0.0
     if len(bases) or touching:
         put(plant, q)
         look(plant)

@@ -293,21 +293,18 @@ def part_with_mesh(plant: Opened, step: float) -> int:
 
 
 @compiled
-def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
-    """Move q (nq,) out of the ground; False where no motion does it.
+def lift(plant: Opened, stiff: Row, q: OutRow) -> bool:
+    """Move q (nq,) out of the ground; False where no motion does it, and q stays.
 
     Args:
         plant: what is moved.
         stiff: (nv,) ones for coordinates that keep still where others can do it.
         q: to change.
-        gap: (2 j + c,) at the start, to write.
     """
-    n, size = len(stiff), len(gap)
+    n, size = len(stiff), len(plant.now.closed)
     here, start, shift, last = np.empty(size), q.copy(), np.empty(n), np.empty(len(q))
-    for turn in range(_TRIES):
+    for _ in range(_TRIES):
         gaps_of(plant, q, here)
-        if turn == 0:
-            copy_to(here, gap)
         near, count, touching, deepest = np.empty(size, dtype=np.int64), 0, 0, 0.0
         for i in range(size):
             deepest = min(deepest, here[i])
@@ -328,7 +325,7 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
             missing[row] = min(-here[near[row]], NEAR)
         reserve(plant.heap, (2 * count + n) * (2 * n + 150))
         if not shift_of(plant, metric, matrix[:count], free, missing, shift):
-            return False
+            break
         moved_along(plant.tree.joints, last, shift, 1.0, q)
     copy_to(start, q)
     return False

@@ -291,7 +291,6 @@ class Ending(NamedTuple):
         deflection: (m,) [rad] of the motor outputs ahead of the joints.
         rate: (2 j + c,) at which closed contacts opened at the start.
         moved: (nv,) shift out of overlaps.
-        aims: * speeds at which the barriers of an impact are to part, in their order.
         closed: * (2 j + c,) barriers that hold or take part; afterwards those that stay closed.
         kept, jumps: (2 j + c,) barriers that may close within the part, and those that are to be
             kept from its end on: they land slowly, or their gap jumps.
@@ -317,7 +316,6 @@ class Ending(NamedTuple):
     deflection: OutRow
     rate: OutRow
     moved: OutRow
-    aims: OutRow
     closed: OutFlags
     kept: OutFlags
     jumps: OutFlags
