@@ -217,7 +217,7 @@ def test_no_link_meets_another_along_a_designed_motion(tmp_path: Path) -> None:
 def test_a_row_touches_whatever_stands_in_the_rows_before_it() -> None:
     """A whole motion keeps apart just where each of its rows, judged alone, does."""
     robot = load_robot("solo12").lossless()
-    found = LinkDistances.of(robot, center := robot.pose()[robot.actuated_position])
+    found = LinkDistances(robot, center := robot.pose()[robot.actuated_position])
     random, time = np.random.default_rng(0), np.arange(300) / 50.0
     phase = random.uniform(0.0, 6.0, (len(center), 3))
     beats = 0.6 * np.pi * np.arange(1, 4)

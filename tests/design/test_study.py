@@ -86,7 +86,7 @@ def test_a_table_is_the_same_however_many_designs_are_evaluated_at_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = design.run_study(study(), tmp_path / "one.parquet")
-    monkeypatch.setattr("wbc.design.stored._CHUNK", 37)
+    monkeypatch.setattr("wbc.design.study._CHUNK", 37)
     np.testing.assert_equal(design.run_study(study(), tmp_path / "two.parquet"), whole)
     one, two = ((tmp_path / name).read_bytes() for name in ("one.parquet", "two.parquet"))
     assert one == two

@@ -104,55 +104,43 @@ def write_set_points(name: str | Path, robot: Robot, path: FourierPath, rate: fl
 _MARGIN = 0.02  # [m] that links keep, as `CollisionLimit` does
 
 
-@dataclass(frozen=True, eq=False)
 class LinkDistances:
-    """Pairs of links that must keep a distance of 20 mm.
+    """Pairs of links that must keep a distance of 20 mm, of the solids in a robot's model file.
 
     Links that a joint joins, and those that are nearer in the pose about which the robot moves,
     are no pairs: they touch by design.
 
     Attributes:
-        robot: whose links they are.
         solids: with their pairs.
     """
 
-    robot: Robot
-    solids: pin.GeometryModel
-
-    @classmethod
-    def of(cls, robot: Robot, center: FloatArray) -> LinkDistances | None:
-        """Return the clearance of a robot, None where its model file holds no pair of solids.
-
-        Args:
-            robot: with collision geometry in its URDF or MJCF file.
-            center: (m,) of the driven joints, about which it moves.
-        """
-        solids, parents = collision_solids(robot), robot.model.parents
-        joints = [one.parentJoint for one in solids.geometryObjects]
+    def __init__(self, robot: Robot, center: FloatArray) -> None:
+        """Find the pairs of a robot that moves about `center` (m,) of the driven joints."""
+        self._robot, self.solids = robot, collision_solids(robot)
+        joints = [one.parentJoint for one in self.solids.geometryObjects]
+        parents = robot.model.parents
         pairs = [
             pin.CollisionPair(i, k)
             for (i, a), (k, b) in combinations(enumerate(joints), 2)
             if a != b and parents[a] != b and parents[b] != a
         ]
         for pair in pairs:
-            solids.addCollisionPair(pair)
-        found = cls(robot, solids)
+            self.solids.addCollisionPair(pair)
         (position,) = _whole(robot, center[None])
-        for pair, touch in zip(pairs, found._touching(position, first=False), strict=True):
+        for pair, touch in zip(pairs, self._touching(position, first=False), strict=True):
             if touch:
-                solids.removeCollisionPair(pair)
-        return found if len(solids.collisionPairs) else None
+                self.solids.removeCollisionPair(pair)
 
     def keeps(self, positions: FloatArray) -> bool:
         """Whether all pairs stay apart at driven positions (N, m); a free base is held."""
-        rows = _whole(self.robot, positions)
+        rows = _whole(self._robot, positions) if len(self.solids.collisionPairs) else ()
         return not any(any(self._touching(row, first=True)) for row in rows)
 
     def _touching(self, position: FloatArray, first: bool) -> list[bool]:
         """Return which pairs are too near at q (nq,); only the first of them is looked for."""
         # Fresh data for every row: with those of the row before, coal 3.0.3 starts from its old
         # guess and misses touching links (5 of 300 rows of Solo12, distances wrong by 0.3 m).
-        model, near = self.robot.model, self.solids.createData()
+        model, near = self._robot.model, self.solids.createData()
         for request in near.collisionRequests:
             request.security_margin = _MARGIN
         pin.computeCollisions(model, model.createData(), self.solids, near, position, first)
@@ -180,7 +168,7 @@ class MotionLimits:
         acceleration: of the joints [rad/s^2, m/s^2].
         torque: of the rotors [N m].
         center: strictly between `low` and `high`; motions start and end there [rad, m].
-        clearance: links that keep apart; None where the model file holds no collision solids.
+        clearance: links that keep apart; None for none.
     """
 
     low: FloatArray
@@ -242,7 +230,7 @@ class MotionLimits:
             acceleration=np.full(gears.size, acceleration),
             torque=np.array(gears.torque_limit),
             center=middle,
-            clearance=LinkDistances.of(robot, middle),
+            clearance=LinkDistances(robot, middle),
         )
 
     def joint_shares(self, motion: Course) -> FloatArray:

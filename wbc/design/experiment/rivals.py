@@ -299,38 +299,29 @@ class Predictions:
         return float(0.5 * least + 2.0 * grown)
 
     def _left(self, pair: Pair) -> tuple[FloatArray, FloatArray]:
-        """Return r (N m,) and G (N m, p) of `near_distance`; p is 0 where the values are fixed."""
-        true, other = pair
-        spread = self.rivals.open_part(true)
-        both = [self.apart(pair)[:, None]]
-        both += [] if spread is None else [self.sensitivities[true] @ spread]
-        left = self.unfitted(other, np.concatenate(both, axis=1))
-        return left[:, 0], left[:, 1:]
+        """Return r (N m,) and G (N m, p) of `near_distance`; p is 0 where the values are fixed.
 
-    def apart(self, pair: Pair) -> FloatArray:
-        """Return the difference (N m,) of two rivals at their expected values, over noise."""
-        true, other = pair
-        return self.in_noise(self.expected_torques[true] - self.expected_torques[other]).ravel()
-
-    def unfitted(self, number: int, torques: FloatArray) -> FloatArray:
-        """Return what a cause, refitted, leaves of torques (N m, k) over noise.
-
-        Where earlier logs know its values, there are p rows more: what it costs to leave these.
+        Where earlier logs know the values of the rival, there are more rows: what it costs to leave
+        these.
         """
-        spread, held = self.rivals.open_part(number), self.sensitivities[number]
-        if spread is not None:
-            held = np.concatenate([held @ spread, np.eye(len(spread))])
-            torques = np.concatenate([torques, np.zeros((len(spread), torques.shape[1]))])
-        return np.asarray(torques - held @ np.linalg.lstsq(held, torques)[0])
+        true, other = pair
+        apart = self.in_noise(self.expected_torques[true] - self.expected_torques[other])
+        spread, held = self.rivals.open_part(true), self.sensitivities[other]
+        own = held[:, :0] if spread is None else self.sensitivities[true] @ spread
+        left, known = np.column_stack([apart.ravel(), own]), self.rivals.open_part(other)
+        if known is not None:
+            held = np.concatenate([held @ known, np.eye(len(known))])
+            left = np.concatenate([left, np.zeros((len(known), left.shape[1]))])
+        left -= held @ np.linalg.lstsq(held, left)[0]
+        return left[:, 0], left[:, 1:]
 
     def misfit(self, pair: Pair) -> FloatArray:
         """Return what the refitted other cause leaves of a true one's torque, (N, m) over noise.
 
         The other one is taken as linear in its parameters.
         """
-        apart = self.apart(pair)
-        left = self.unfitted(pair[1], apart[:, None])[: len(apart), 0]
-        return np.asarray(left.reshape(self.expected_torques[pair[0]].shape))
+        target = self.expected_torques[pair[0]]
+        return np.asarray(self._left(pair)[0][: target.size].reshape(target.shape))
 
     def distances(self, pair: Pair) -> FloatArray:
         """Return `distance` (k,) at values of the true cause that earlier logs leave open.

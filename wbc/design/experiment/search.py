@@ -111,7 +111,6 @@ def experiment_json(rivals: Rivals, found: Mapping[str, Designed]) -> dict[str, 
     """Return plain numbers, texts and lists of what motions are expected to say.
 
     Args:
-        rivals: the causes.
         found: motions by name; the one called `DESIGNED` among them.
     """
 
