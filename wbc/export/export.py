@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import RobotError, require_known
-from wbc.export.numbers import TOLD, JointNumbers, joint_numbers, loss_numbers
+from wbc.export.numbers import TOLD, JointNumbers, loss_numbers
 from wbc.files import as_json, write_text
 from wbc.robot import Robot
 from wbc.robot.coordinates import joint_axis, slides
@@ -62,7 +62,6 @@ def export_robot(robot: Robot, to: str) -> Exported:
     as the format holds them. Shapes and pictures are not.
 
     Args:
-        robot: with its effects.
         to: `mjcf`, or `mujoco` for MJCF and a Python file with the losses (`wbc.export.losses`).
 
     Raises:
@@ -71,7 +70,7 @@ def export_robot(robot: Robot, to: str) -> Exported:
     """
     require_known(RobotError, "format", to, FORMATS)
     losses = loss_module(robot) if to == "mujoco" else None
-    found = joint_numbers(robot, () if losses is None else TOLD)
+    found = JointNumbers(robot, () if losses is None else TOLD)
     content, more = mjcf(robot, found)
     unsaid = tuple(dict.fromkeys([*found.unsaid, *more]))
     notes = tuple(
@@ -79,25 +78,17 @@ def export_robot(robot: Robot, to: str) -> Exported:
         for joint, delay in zip(robot.transmission.joints, found.delay, strict=True)
         if delay
     )
-    # Two hyphens end a comment in XML.
-    comment = _comment(robot, unsaid, notes, losses is not None).replace("--", "- -")
+    lines = [f"{robot.name}, written by wbc export. Shapes and pictures are not in it."]
+    if losses is not None:
+        lines.append("The losses of its gears act if the Python file beside it is called.")
+    for title, texts in (("Set by hand:", notes), ("This format cannot say:", unsaid)):
+        lines += [title] if texts else []
+        for said in texts:
+            lines += wrap(said, 96, initial_indent="  - ", subsequent_indent="    ")
+    comment = "\n".join(lines).replace("--", "- -")  # two hyphens end a comment in XML
     ET.indent(content)
     text = f"<!--\n{comment}\n-->\n{ET.tostring(content, encoding='unicode')}\n"
     return Exported(text, unsaid, notes, losses)
-
-
-def _comment(
-    robot: Robot, unsaid: tuple[str, ...], notes: tuple[str, ...], with_losses: bool
-) -> str:
-    lines = [f"{robot.name}, written by wbc export. Shapes and pictures are not in it."]
-    if with_losses:
-        lines.append("The losses of its gears act if the Python file beside it is called.")
-    for title, texts in (("Set by hand:", notes), ("This format cannot say:", unsaid)):
-        if texts:
-            lines.append(title)
-        for text in texts:
-            lines += wrap(text, 96, initial_indent="  - ", subsequent_indent="    ")
-    return "\n".join(lines)
 
 
 def loss_module(robot: Robot) -> str:

@@ -7,12 +7,10 @@ effect whose law has no number here is said in words, one of a user likewise.
 from __future__ import annotations
 
 from collections.abc import Container, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.effects import (
     ActuationDelay,
     CoulombFriction,
@@ -35,7 +33,6 @@ TOLD = ("transmission_efficiency", *(kind.name for kind in _KINDS))
 """Names of the effects that these numbers hold beside what stands in every exported file."""
 
 
-@dataclass(frozen=True, eq=False)
 class JointNumbers:
     """What simulators can be told about joints and motors, beside the links' inertias.
 
@@ -54,58 +51,37 @@ class JointNumbers:
         unsaid: sentences on what none of these numbers holds.
     """
 
-    damping: FloatArray
-    friction: FloatArray
-    stiffness: FloatArray
-    constant: FloatArray
-    motor_damping: FloatArray
-    motor_friction: FloatArray
-    motor_limit: FloatArray
-    gain: FloatArray
-    offset: FloatArray
-    delay: FloatArray
-    unsaid: tuple[str, ...]
+    def __init__(self, robot: Robot, told: Container[str] = ()) -> None:
+        """Read the numbers of a robot with its effects.
 
-
-def joint_numbers(robot: Robot, told: Container[str] = ()) -> JointNumbers:
-    """Return the numbers of a robot with its effects.
-
-    Args:
-        robot: with its effects.
-        told: names of effects that are told elsewhere, `transmission_efficiency` for what the
-            gears lose under load.
-    """
-    gears, ratio = robot.transmission, np.abs(robot.transmission.gear_ratio)
-    held = effect_table(robot.with_acting(e for e in robot.effects if isinstance(e, _HELD)))
-    damping, friction, stiffness, constant = np.zeros((4, robot.model.nv))
-    for (law, _, row), (size, rest, _) in zip(held.joints, held.numbers, strict=True):
-        {VISCOUS: damping, COULOMB: friction, SPRING: stiffness}[law][row] += size
-        constant[row] += size * rest
-    gain, limit, offset = held.drives.T
-    delay, unsaid = np.zeros(gears.size), [*_of_gears(robot, "transmission_efficiency" in told)]
-    unsaid += [
-        f"the force sensor at {c.name}, which reports {c.sensor_gain:.3g} times the force"
-        for c in robot.contacts
-        if c.sensor_gain != 1.0
-    ]
-    for effect in robot.effects:
-        if isinstance(effect, ActuationDelay):
-            delay[gears.index(effect.where)] += effect.delay
-        elif effect.name not in told and not isinstance(effect, _HELD):
-            unsaid += _in_words(effect)
-    return JointNumbers(
-        damping,
-        friction,
-        stiffness,
-        constant,
-        motor_damping=ratio**2 * gears.rotor_viscous_friction,
-        motor_friction=ratio * gears.rotor_coulomb_friction,
-        motor_limit=ratio * np.minimum(gears.torque_limit, limit / gain),
-        gain=gain,
-        offset=offset * gears.gear_ratio,
-        delay=delay,
-        unsaid=tuple(dict.fromkeys(unsaid)),
-    )
+        Args:
+            told: names of effects that are told elsewhere, `transmission_efficiency` for what the
+                gears lose under load.
+        """
+        gears, ratio = robot.transmission, np.abs(robot.transmission.gear_ratio)
+        held = effect_table(robot.with_acting(e for e in robot.effects if isinstance(e, _HELD)))
+        self.damping, self.friction, self.stiffness, self.constant = np.zeros((4, robot.model.nv))
+        levels = {VISCOUS: self.damping, COULOMB: self.friction, SPRING: self.stiffness}
+        for (law, _, row), (size, rest, _) in zip(held.joints, held.numbers, strict=True):
+            levels[law][row] += size
+            self.constant[row] += size * rest
+        self.gain, limit, offset = held.drives.T
+        self.motor_damping = ratio**2 * gears.rotor_viscous_friction
+        self.motor_friction = ratio * gears.rotor_coulomb_friction
+        self.motor_limit = ratio * np.minimum(gears.torque_limit, limit / self.gain)
+        self.offset, self.delay = offset * gears.gear_ratio, np.zeros(gears.size)
+        unsaid = [*_of_gears(robot, "transmission_efficiency" in told)]
+        unsaid += [
+            f"the force sensor at {c.name}, which reports {c.sensor_gain:.3g} times the force"
+            for c in robot.contacts
+            if c.sensor_gain != 1.0
+        ]
+        for effect in robot.effects:
+            if isinstance(effect, ActuationDelay):
+                self.delay[gears.index(effect.where)] += effect.delay
+            elif effect.name not in told and not isinstance(effect, _HELD):
+                unsaid += _in_words(effect)
+        self.unsaid = tuple(dict.fromkeys(unsaid))
 
 
 def _of_gears(robot: Robot, losses_told: bool) -> Iterator[str]:
@@ -157,7 +133,7 @@ def loss_numbers(robot: Robot) -> dict[str, Any]:
             "its friction has no level that the torque of the motor gives. Export with --to mjcf, "
             "or give the gear a backward efficiency above 0."
         )
-    found, size = joint_numbers(robot, TOLD), gears.size
+    found, size = JointNumbers(robot, TOLD), gears.size
     forward, backward = gears.forward_efficiency, gears.backward_efficiency
     length = np.zeros(size)
     for effect in robot.effects:

@@ -1,9 +1,5 @@
 """Inertia tensors, force capability and impact mitigation of a robot with lossy gears."""
 
-from wbc.metrics.design_metrics import (
-    DesignMetrics as DesignMetrics,
-    design_metrics as design_metrics,
-)
 from wbc.metrics.designs import (
     ContactTask as ContactTask,
     Designs as Designs,
@@ -27,4 +23,9 @@ from wbc.metrics.inertia import (
     generalized_inertia as generalized_inertia,
     impact_mitigation as impact_mitigation,
 )
-from wbc.metrics.summary import Metric as Metric, summary as summary
+from wbc.metrics.summary import (
+    DesignMetrics as DesignMetrics,
+    Metric as Metric,
+    design_metrics as design_metrics,
+    summary as summary,
+)

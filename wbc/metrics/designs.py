@@ -65,7 +65,20 @@ class Designs:
             TransmissionError: a number of a gear outside its range.
         """
         q = checked(np.atleast_2d(position), (None, robot.model.nq), "position", DynamicsError)
-        given = _gears(robot, gears or {})
+        m, given = robot.transmission.size, dict[str, FloatArray]()
+        for name, values in (gears or {}).items():
+            require_known(DynamicsError, "gear parameter", name, GEAR_FIELDS)
+            array = np.asarray(values, dtype=np.float64)
+            wide = np.repeat(array[:, None], m, axis=1) if array.ndim == 1 else array
+            if wide.ndim != 2 or wide.shape[1] != m or np.isnan(wide).any():
+                raise DynamicsError(
+                    f"{name} has shape {array.shape}; give (k,) or (k, {m}) numbers, none of them "
+                    "NaN."
+                )
+            given[name] = frozen(wide)
+        if "forward_efficiency" in given and "backward_efficiency" not in given:
+            wedge = wedge_backward_efficiency(given["forward_efficiency"])
+            given["backward_efficiency"] = frozen(wedge)
         sizes = {len(a) for a in (q, *given.values())} - {1}
         if len(sizes) > 1:
             raise DynamicsError(
@@ -76,39 +89,14 @@ class Designs:
             name: given.get(name, np.array(getattr(robot.transmission, name))[None])
             for name in GEAR_FIELDS
         }
-        _check_gears(full)
-        size = sizes.pop() if sizes else 1
-        return cls(robot, size, q, full)
-
-
-def _gears(robot: Robot, gears: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
-    m, found = robot.transmission.size, {}
-    for name, values in gears.items():
-        require_known(DynamicsError, "gear parameter", name, GEAR_FIELDS)
-        array = np.asarray(values, dtype=np.float64)
-        wide = np.repeat(array[:, None], m, axis=1) if array.ndim == 1 else array
-        if wide.ndim != 2 or wide.shape[1] != m or np.isnan(wide).any():
-            raise DynamicsError(
-                f"{name} has shape {array.shape}; give (k,) or (k, {m}) numbers, none of them NaN."
-            )
-        found[name] = frozen(wide)
-    if "forward_efficiency" in found and "backward_efficiency" not in found:
-        found["backward_efficiency"] = frozen(
-            wedge_backward_efficiency(found["forward_efficiency"])
-        )
-    return found
-
-
-def _check_gears(gears: Mapping[str, FloatArray]) -> None:
-    for name, values in gears.items():
-        for holds, rule in GEAR_NUMBERS[name].rules:
-            wrong = np.argwhere(~holds(values))
-            if len(wrong):
-                row, column = (int(i) for i in wrong[0])
-                raise TransmissionError(
-                    f"{name} of design {row}, gear {column} is {values[row, column]:g}; it must be "
-                    f"{rule}."
-                )
+        for name, numbers in full.items():
+            for holds, rule in GEAR_NUMBERS[name].rules:
+                for row, column in np.argwhere(~holds(numbers)):
+                    raise TransmissionError(
+                        f"{name} of design {row}, gear {column} is {numbers[row, column]:g}; it "
+                        f"must be {rule}."
+                    )
+        return cls(robot, sizes.pop() if sizes else 1, q, full)
 
 
 NOTHING = 1e-9  # the share of the largest lever below which a gear bears nothing
@@ -241,7 +229,6 @@ def contact_task(robot: Robot, position: ArrayLike, contact: str, axes: str = "x
     """Return the task of one contact point of one robot in one pose; its leading axis is 1.
 
     Args:
-        robot: the robot.
         position: q (nq,).
         contact: name of the contact point.
         axes: some of the world axes "x", "y", "z", each at most once.

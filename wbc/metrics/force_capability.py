@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -153,9 +152,6 @@ class ForceCapability:
                 "torque_limit, a self-locking gear, or friction above the limit): the force "
                 "capability has no finite corners. Give these gears a torque_limit in robot.toml."
             )
-        if matrix.shape[0] == matrix.shape[1]:
-            corners = np.array(list(product(*zip(low, high, strict=True))))
-            return _around(np.linalg.solve(matrix, corners.T).T)
         if matrix.shape[1] == 1:
             lever = matrix[:, 0]
             ends = np.where(lever > 0.0, [low, high], [high, low])[:, lever != 0.0]
@@ -164,8 +160,8 @@ class ForceCapability:
         half = np.column_stack([np.vstack([matrix, -matrix]), np.concatenate([-high, low])])
         corners = HalfspaceIntersection(half, np.zeros(matrix.shape[1])).intersections
         # Corners where several faces meet come out once per set of faces.
-        size = float(np.abs(corners).max())
-        return _around(size * np.unique(np.round(corners / size, 9), axis=0))
+        rounded = np.round(corners / np.abs(corners).max(), 9)
+        return _around(corners[np.unique(rounded, axis=0, return_index=True)[1]])
 
     def _unbounded(self, direction: FloatArray) -> DynamicsError:
         along = ", ".join(f"{x:.3g}" for x in direction)
@@ -293,11 +289,9 @@ def holding(
     Args:
         robot: fixed or floating base; on a floating base the force is taken as given, whether or
             not the robot could balance on it.
-        position: q (nq,).
-        contact: name of the contact point.
+        position, contact, axes: as of `force_capability`.
         direction: (n,) along `axes`, of the force on the point.
         load: its size [N], >= 0.
-        axes: world axes, for example "xz".
 
     Raises:
         DynamicsError: axes that do not exist, a negative load.

@@ -135,9 +135,7 @@ def impact_mitigation(
     Args:
         robot: fixed or floating base. On a fixed base nothing moves when the gears are blocked:
             the factor is 1 whatever the gears.
-        position: q (nq,).
-        contact: name of the contact point.
-        axes: world axes of the n rows, for example "xz" for a planar contact.
+        position, contact, axes: as of `generalized_inertia`.
         directions: of power per gear, (m,) or one for all. An impact that sets the gears in
             motion drives them backward; 0 is the conservative factor without losses.
 
@@ -190,10 +188,7 @@ def directional_inertia(
     """Return the effective mass of a contact point in many directions.
 
     Args:
-        robot: fixed or floating base, gears serial or parallel.
-        position: q (nq,).
-        contact: name of the contact point.
-        axes: world axes, for example "xz".
+        robot, position, contact, axes: as of `generalized_inertia`.
         directions: (k, d) along `axes`, or how many to spread evenly.
 
     Raises:
@@ -253,7 +248,7 @@ def _from_rest(task: ContactTask, motor: FloatArray) -> tuple[FloatArray, FloatA
     Those of the outputs are exactly 0 where friction holds a gear. Gravity is left out.
 
     Args:
-        task: contact point and pose; of one robot.
+        task: contact point and pose of one robot.
         motor: U (m, k) [N m], rotor torques times the gear ratio.
 
     Raises:
