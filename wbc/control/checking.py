@@ -14,6 +14,8 @@ from wbc.control.rows.contacts import Contact, ContactSet
 from wbc.control.rows.tasks import Task
 from wbc.robot import Robot
 
+_STEP = 1e-5  # [s] of the differences
+
 
 @dataclass(frozen=True)
 class DerivativeErrors:
@@ -30,13 +32,7 @@ class DerivativeErrors:
 
 
 def check_task(
-    robot: Robot,
-    task: Task,
-    position: FloatArray,
-    velocity: FloatArray,
-    acceleration: FloatArray,
-    *,
-    step: float = 1e-5,
+    robot: Robot, task: Task, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
 ) -> DerivativeErrors:
     """Return how far a task's Jacobian and drift are from central differences.
 
@@ -44,21 +40,17 @@ def check_task(
     value is itself a rate (momentum) is checked by J v = value instead.
 
     Args:
-        robot: the robot.
-        task: any task.
         position, velocity, acceleration: (nq,), (nv,), (nv,) of the motion to go along.
-        step: of the differences [s].
     """
     task.check(robot)
-    here, ahead, behind = _along(robot, position, velocity, acceleration, step)
+    here, ahead, behind = states = _along(robot, position, velocity, acceleration, ())
     target, rate = task.value(here), task.jacobian(here) @ velocity
     if np.shape(target) == rate.shape and np.allclose(target, rate, rtol=1e-9, atol=1e-9):
-        jacobian = float(np.abs(np.asarray(target) - rate).max())
+        gone = -np.asarray(target)
     else:
-        gone = (task.error(ahead, target) - task.error(behind, target)) / (2.0 * step)
-        jacobian = float(np.abs(gone + rate).max())
-    rows = [(np.array(task.jacobian(k)), task.drift(k), k) for k in (here, ahead, behind)]
-    return DerivativeErrors(jacobian, _drift_error(rows, acceleration, step))
+        gone = (task.error(ahead, target) - task.error(behind, target)) / (2.0 * _STEP)
+    rows = [(np.array(task.jacobian(k)), task.drift(k), k.velocity) for k in states]
+    return DerivativeErrors(float(np.abs(gone + rate).max()), _drift_error(rows, acceleration))
 
 
 def check_contact(
@@ -67,27 +59,25 @@ def check_contact(
     position: FloatArray,
     velocity: FloatArray,
     acceleration: FloatArray,
-    *,
-    step: float = 1e-5,
 ) -> float:
     """Return how far J qdd + dJ/dt v of a contact is from the central difference of J v."""
-    bound = contact.bind(robot)
-    rows = []
-    for kinematics in _along(robot, position, velocity, acceleration, step, bound.frames):
+    bound, rows = contact.bind(robot), []
+    for kinematics in _along(robot, position, velocity, acceleration, bound.frames):
         contacts = ContactSet((bound,), kinematics.model)
         contacts.fill(kinematics)
-        rows.append((contacts.memory.rows.jacobian, contacts.memory.rows.drift, kinematics))
-    return _drift_error(rows, acceleration, step)
+        found = contacts.memory.rows
+        rows.append((found.jacobian, found.drift, kinematics.velocity))
+    return _drift_error(rows, acceleration)
 
 
 def _drift_error(
-    rows: Sequence[tuple[FloatArray, FloatArray, Kinematics]], acceleration: FloatArray, step: float
+    rows: Sequence[tuple[FloatArray, FloatArray, FloatArray]], acceleration: FloatArray
 ) -> float:
     """Return how far J qdd + dJ/dt v here is from the difference of J v ahead and behind."""
     (jacobian, drift, _), *others = rows
-    ahead, behind = (one @ at.velocity for one, _, at in others)
+    ahead, behind = (one @ velocity for one, _, velocity in others)
     stated = jacobian @ acceleration + drift
-    return float(np.abs(stated - (ahead - behind) / (2.0 * step)).max())
+    return float(np.abs(stated - (ahead - behind) / (2.0 * _STEP)).max())
 
 
 def _along(
@@ -95,12 +85,11 @@ def _along(
     position: FloatArray,
     velocity: FloatArray,
     acceleration: FloatArray,
-    step: float,
-    frames: Sequence[pin.Frame] = (),
+    frames: Sequence[pin.Frame],
 ) -> list[Kinematics]:
     """Return the kinematics at a state, and a step after and before it at constant acceleration."""
     found = [Kinematics(robot, frames) for _ in range(3)]
-    for kinematics, time in zip(found, (0.0, step, -step), strict=True):
+    for kinematics, time in zip(found, (0.0, _STEP, -_STEP), strict=True):
         moved = time * velocity + 0.5 * time**2 * acceleration
         q = pin.integrate(robot.model, position, moved)
         kinematics.update(q, velocity + time * acceleration)

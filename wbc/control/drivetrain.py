@@ -73,7 +73,6 @@ class GearModel:
         varies = limit is not None and (limit.knee is not None or "rotor_torque" in asked)
         self._varying = limit if varies else None
         self._contacts: object = None
-        self._turns = self._ratio[:, None] * robot.motor_rows
         self._rotor_own = gears.reflected_inertia[:, None] * robot.motor_rows
         rate = 0.0 if observer is None else observer.rate
         self.learns = rate > 0.0
@@ -119,14 +118,21 @@ class GearModel:
         if self._pushed or self.coupled:
             memory.effects[:], memory.rubbing[:], added = self._exerted(motion)
         if self._gears_act:
-            self._take_efficiencies(*self._efficiencies(motion))
+            gears, speed = self.robot.transmission, self.speed(motion.velocity)
+            now, given = (
+                np.empty((2, self.size)),
+                (gears.forward_efficiency, gears.backward_efficiency),
+            )
+            fill_efficiencies(self._table.gears, speed, *given, *now)
+            self._take_efficiencies(*now)
         if self._varying is not None:
             speed = self._ratio * self.speed(motion.velocity)
             self._take_limits(*self._varying.bounds(self.robot, speed), added)
         if self.coupled:  # what rotors and their housings ask of one another
             state = self._kinematics
             inertia, on_links, on_rotors = rotor_coupling(self.robot, state.velocity, state.data)
-            np.add(state.mass_matrix, inertia.T @ self._turns, out=memory.mass)
+            turns = self._ratio[:, None] * self.robot.motor_rows
+            np.add(state.mass_matrix, inertia.T @ turns, out=memory.mass)
             np.add(self._rotor_own, self._ratio[:, None] * inertia, out=memory.rotor)
             np.multiply(self._ratio, on_rotors, out=memory.rotor_added)
             memory.effects[:] -= on_links
@@ -140,13 +146,6 @@ class GearModel:
         for effect in self._effects:
             add_torques(self.robot, effect, motion, totals)
         return totals
-
-    def _efficiencies(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
-        """Return eta_f and eta_b (m,) at a motion."""
-        gears, now = self.robot.transmission, (np.empty(self.size), np.empty(self.size))
-        given = gears.forward_efficiency, gears.backward_efficiency
-        fill_efficiencies(self._table.gears, self.speed(motion.velocity), *given, *now)
-        return now
 
     def _take_efficiencies(self, forward: FloatArray, backward: FloatArray) -> None:
         """Write the slopes of the mesh law t(T) from efficiencies (m,).

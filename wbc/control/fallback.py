@@ -13,10 +13,9 @@ from wbc.control.command import Command, Status
 from wbc.control.inputs import Complaint, is_step
 from wbc.control.memory import GEAR, PART
 from wbc.control.qp.level import NOTHING, LevelAnswer
-from wbc.control.qp.linalg import factorise_from, substitute
 from wbc.control.qp.program import Recipe
 from wbc.control.rows.contacts import ContactSet
-from wbc.mechanics.linear import factor_inertia, halfway, products
+from wbc.mechanics.linear import factor_inertia, halfway, products, solve_inertia
 from wbc.robot import Motion
 
 # Keeps systems solvable where contacts repeat each other; what it adds is far below a gram.
@@ -42,7 +41,6 @@ class Fallback:
         """Start without a tick to look back on.
 
         Args:
-            parts: of the controller.
             contacts: that carry the robot until a good tick says which do.
         """
         self._robot, self._motors = parts.robot, parts.drivetrain
@@ -81,8 +79,8 @@ class Fallback:
         Args:
             motion: the state, None where it is what the complaint is about.
             complaint: why the tick has no solution.
-            dt: time until the next tick [s]; that of the settings where it makes no sense.
-            start: when the tick began, by `perf_counter` [s].
+            dt: until the next tick [s]; that of the settings where it makes no sense.
+            start: of the tick, by `perf_counter` [s].
             refusal: the level that has no solution, None where none was asked.
         """
         self._motors.interrupt()
@@ -169,23 +167,18 @@ class Fallback:
 
 
 @compiled(inside=True)
-def solve_positive(matrix: OutDense, right: OutRow) -> None:
-    """Replace the right side (n,) by the solution, and the matrix by its factor.
-
-    Raises:
-        LinAlgError: the matrix is not positive definite.
-    """
-    if not factorise_from(matrix, 0, len(right)):
+def factored(matrix: Dense) -> OutDense:
+    """Return the factor of a matrix; raise LinAlgError where that is not positive definite."""
+    lower = np.empty_like(matrix)
+    if not factor_inertia(matrix, lower):
         raise np.linalg.LinAlgError
-    substitute(matrix, len(right), right)
+    return lower
 
 
 @compiled(inside=True)
 def through(matrix: Dense, rows: OutDense) -> OutDense:
-    """Return rows matrix^-1 rows' (r, r), and leave the rows (r, n) half done; as `factored`."""
-    lower, gram = np.empty_like(matrix), np.empty((len(rows), len(rows)))
-    if not factor_inertia(matrix, lower):
-        raise np.linalg.LinAlgError
+    """Return rows matrix^-1 rows' (r, r), and leave the rows (r, n) half done."""
+    lower, gram = factored(matrix), np.empty((len(rows), len(rows)))
     for i in range(len(rows)):
         halfway(lower, rows[i])
     products(rows, gram)
@@ -230,16 +223,16 @@ def held(
     (u, m), (share, more, least), size = moving, slows, len(moving[1])
     on_base = np.ascontiguousarray(jacobian[:, u])
     base = gravity[u] - force @ on_base
-    solve_positive(on_base.T @ on_base + _SOFT * np.eye(len(u)), base)
+    solve_inertia(factored(on_base.T @ on_base + _SOFT * np.eye(len(u))), base)
     left = gravity - (force + on_base @ base) @ jacobian
     of_base, base = mass[u], left[u]
-    solve_positive(of_base[:, u].copy(), base)
+    solve_inertia(factored(of_base[:, u].copy()), base)
     torque, damping = left[m] - base @ of_base[:, m].copy(), velocity[m]
     moved = through(mass, np.vstack((np.eye(len(mass))[m], jacobian)))
     freely, pushed, normal = moved[:size, :size], moved[:size, size:], moved[size:, size:]
     firm = normal + _SOFT * (1.0 + np.trace(normal)) * np.eye(len(normal))
     slowing = (more + least) * freely - more * through(firm, pushed.copy())
-    solve_positive(slowing, damping)
+    solve_inertia(factored(slowing), damping)
     return share * torque - damping
 
 

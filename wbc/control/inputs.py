@@ -8,7 +8,6 @@ from math import inf
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import FloatArray, Ranged, frozen, is_real, reals
 from wbc.compiled import Places, Vector, compiled
@@ -106,7 +105,11 @@ class InputCheck:
         """
         self._names = tasks, weighed, feet
         self._name, self._sizes = robot.name, (robot.model.nq, robot.model.nv)
-        parts = _unit_parts(robot.model)
+        parts = []
+        for joint in robot.model.joints:
+            if joint.nq - joint.nv == 1 and joint.nv in (1, 3, 6):
+                length = 2 if joint.nv == 1 or "Planar" in joint.shortname() else 4
+                parts.append((int(joint.idx_q) + joint.nq - length, length))
         self._starts = frozen([start for start, _ in parts], np.int_)
         self._lengths = frozen([length for _, length in parts], np.int_)
 
@@ -118,18 +121,17 @@ class InputCheck:
         """
         try:
             q, v = state.position, state.velocity
+            # an array with a mask is no plain one
+            plain = type(q) is type(v) is np.ndarray and q.dtype is v.dtype is _FLOAT
+            if not plain:
+                q, v = reals(q), reals(v)
         except AttributeError:
             kind = type(state).__name__
             raise TickInputError(f"a state has position and velocity; got {kind}.") from None
-        if not (_of_floats(q) and _of_floats(v)):
-            try:
-                motion = _motion(reals(q), reals(v))
-            except (TypeError, ValueError) as cause:
-                message = f"position and velocity of a state are numbers: {cause}."
-                raise TickInputError(message) from cause
-        else:
-            motion = state if isinstance(state, Motion) else _motion(q, v)
-        (nq, nv), q, v = self._sizes, motion.position, motion.velocity
+        except (TypeError, ValueError) as cause:
+            message = f"position and velocity of a state are numbers: {cause}."
+            raise TickInputError(message) from cause
+        nq, nv = self._sizes
         if q.shape != (nq,) or v.shape != (nv,):
             raise TickInputError(
                 f"'{self._name}' needs q of shape ({nq},) and v of shape ({nv},), "
@@ -143,6 +145,10 @@ class InputCheck:
                 "a quaternion of the state (or a pair cos, sin) must have length one; "
                 f"its square is off by {error:.2g}."
             )
+        if plain and isinstance(state, Motion):
+            return state
+        motion = object.__new__(Motion)  # a third of the time of the class, which sets all fields
+        motion.__dict__.update(position=q, velocity=v)
         return motion
 
     def check(
@@ -193,28 +199,6 @@ def state_error(position: Vector, velocity: Vector, starts: Places, lengths: Pla
             square += position[i] * position[i]
         worst = max(worst, abs(square - 1.0))
     return worst
-
-
-def _unit_parts(model: pin.Model) -> list[tuple[int, int]]:
-    """Return where the parts of q that must be of length one start, and how long they are."""
-    parts = []
-    for joint in model.joints:
-        if joint.nq - joint.nv == 1 and joint.nv in (1, 3, 6):
-            length = 2 if joint.nv == 1 or "Planar" in joint.shortname() else 4
-            parts.append((int(joint.idx_q) + joint.nq - length, length))
-    return parts
-
-
-def _of_floats(values: object) -> bool:
-    """Whether values are a plain array of floats; one with a mask is not."""
-    return type(values) is np.ndarray and values.dtype is _FLOAT
-
-
-def _motion(position: FloatArray, velocity: FloatArray) -> Motion:
-    """Return a motion in a third of the time that its class takes, which sets every field."""
-    made = object.__new__(Motion)
-    made.__dict__.update(position=position, velocity=velocity)
-    return made
 
 
 def _check_numbers(

@@ -41,7 +41,7 @@ TREE = Structure(
     places=Dense,
     mass_matrix=Dense,
     momentum=Matrix,
-    com=Vector,
+    com=Row,
     motions=Dense,
     joints=Table,
     shapes=Dense,
@@ -109,11 +109,8 @@ RowsMemory = Annotated[Any, ROWS.kind]
 def move_joints(tree: TreeMemory, velocity: Vector) -> None:
     """Write the spatial velocity V and drift A = dJ/dt v of every joint, and what follows, once.
 
-    The sum of all forces, taken about the centre of mass and without the weight, is dA_g/dt v.
-
-    Args:
-        tree: a TREE whose pinocchio part stands at the state.
-        velocity: v (nv,).
+    At v (nv,), where pinocchio's part stands at the state. The sum of all forces, taken about the
+    centre of mass and without the weight, is dA_g/dt v.
     """
     if tree.moved[0]:
         return
@@ -131,24 +128,19 @@ def move_joints(tree: TreeMemory, velocity: Vector) -> None:
     mass = 0.0
     for i in range(len(tree.bodies)):
         mass += tree.bodies[i, 0]
+    copy_to(force, whole)
+    add_cross(-1.0, com, force[:3], whole[3:])
     for k in range(3):
-        whole[k] = force[k] + mass * gravity[k]
+        whole[k] += mass * gravity[k]
         tree.com_drift[k] = whole[k] / mass if mass > 0.0 else 0.0
-    whole[3] = force[3] - com[1] * force[2] + com[2] * force[1]
-    whole[4] = force[4] - com[2] * force[0] + com[0] * force[2]
-    whole[5] = force[5] - com[0] * force[1] + com[1] * force[0]
 
 
 @compiled(counted=False)
 def place_turn(place: Row, target: Row, turn: OutRow) -> None:
-    """Write log3(R_target R') (3,) [rad], world axes: what turns a placement into its target.
+    """Write log3(R_target R') (3,) [rad], world axes: what turns a placement (12,) into its target.
 
     By way of the unit quaternion of the largest component (Shepperd, 1978), which is exact for
     small turns and for turns of nearly pi.
-
-    Args:
-        place, target: rotation, row by row, and translation (12,).
-        turn: result.
     """
     matrix, i = view(local(9), 0, 3, 3), 0
     for a in range(3):
@@ -173,7 +165,6 @@ def place_missing(rows: RowsMemory, e: int, target: Row, rates: Row, missing: Ou
     """Write what the present state misses of the target of an entry; call after its rows.
 
     Args:
-        rows: ROWS.
         e: number of the entry.
         target: as a placement (12,), of a momentum the momentum in front.
         rates: J v of all rows (k,); a momentum is a rate itself.
@@ -218,10 +209,8 @@ def place_apart(
     """Write n'(J_other - J_one) (nv,) of two points.
 
     Args:
-        tree: a TREE.
         joint, other: that carry the points.
         points: one point, the other, and the direction n from one to the other (9,), world.
-        row: result.
 
     Returns:
         n'(v_other - v_one), the same of their accelerations at qdd = 0, and the square of what of
@@ -285,7 +274,6 @@ def fill_state_rows(tree: TreeMemory, rows: RowsMemory, mass: float) -> None:
     has the rows J_lin - J_ang x u, and its centre accelerates by alpha x u: no w x (w x u).
 
     Args:
-        tree, rows: a TREE and ROWS.
         mass: of the robot [kg].
     """
     plan, offsets, jacobian, drift = rows.plan, rows.offsets, rows.jacobian, rows.drift
@@ -336,7 +324,6 @@ def place_distances(
     """Write the rows of `CollisionLimit`, rows qdd >= least.
 
     Args:
-        tree: a TREE.
         joints: joint of either side (p, 2).
         points: nearest points of both sides and the direction between them (p, 9), world.
         distances: (p,) [m].
@@ -372,14 +359,14 @@ class Kinematics:
         mass_matrix: H_l (nv, nv), inertia of the links without reflected rotor inertia.
         bias: c_l (nv,), Coriolis, centrifugal and gravity torque [N m, N].
         tree: all of it, as compiled functions read it.
-        known_by_joints: whether `move_joints` is all that a state takes, once pinocchio knows it.
+        known_by_joints: whether `move_joints` is all that a state takes, once pinocchio knows it:
+            the axes of all kinds of joints that it knows are fixed in their bodies.
     """
 
     def __init__(self, robot: Robot, frames: Sequence[pin.Frame] = ()) -> None:
         """Prepare for a robot; `update` must come before anything is read.
 
         Args:
-            robot: the robot.
             frames: further frames to know, such as the middles of soles.
         """
         self.model = Workspace(robot).model.copy()
@@ -398,6 +385,7 @@ class Kinematics:
         own[0] = range(0)  # the world
         columns = [[k for joint in path for k in own[joint]] for path in model.supports]
         joints, shapes = joints_of(model)  # the world goes before them, as in pinocchio
+        self.known_by_joints = bool((joints[:, 1] >= 0).all())
         joints[:, [0, 4]] += 1
         self.tree = TREE.of(
             {"j": model.njoints, "v": nv},
@@ -414,7 +402,6 @@ class Kinematics:
             moved=np.zeros(1, np.bool_),
         )
         self.bias: FloatArray = self.tree.bias
-        self.known_by_joints = _axes_turn_with_bodies(model)
 
     @property
     def data(self) -> pin.Data:
@@ -499,29 +486,14 @@ def _places(model: pin.Model, data: pin.Data) -> FloatArray:
     """
     first: FloatArray = data.oMi[0].rotation.T.reshape(-1)
     view = as_strided(first, (model.njoints, 12), (_PLACE, 8))
-    pin.forwardKinematics(model, data, _some_pose(model))
+    moved = np.sin(np.arange(1.0, model.nv + 1.0))  # every joint by another amount
+    pin.forwardKinematics(model, data, pin.integrate(model, pin.neutral(model), moved))
     for i in range(model.njoints):
         place = data.oMi[i]
         own = np.concatenate([place.rotation.T.reshape(-1), place.translation])
         if first.base is None or not np.array_equal(view[i], own):
             raise ControlError("this version of pinocchio lays out placements in an unknown way.")
     return view
-
-
-def _axes_turn_with_bodies(model: pin.Model) -> bool:
-    """Whether every joint's axes are fixed in its body, so that its columns of J turn with it."""
-    data, found = model.createData(), []
-    for q in (pin.neutral(model), _some_pose(model)):
-        pin.forwardKinematics(model, data, q, np.ones(model.nv), np.zeros(model.nv))
-        found.append([np.array(data.joints[i].S) for i in range(1, model.njoints)])
-    return all(np.array_equal(one, other) for one, other in zip(*found, strict=True))
-
-
-def _some_pose(model: pin.Model) -> FloatArray:
-    """Return a configuration in which every joint has moved by another amount."""
-    return np.asarray(
-        pin.integrate(model, pin.neutral(model), np.sin(np.arange(1.0, model.nv + 1.0)))
-    )
 
 
 class StateRows(NamedTuple):
@@ -544,13 +516,9 @@ class StateRows(NamedTuple):
 
 
 def rows_of(model: pin.Model, wanted: Sequence[StateRows], first: Sequence[int], size: int) -> Any:
-    """Return the ROWS that evaluate many `StateRows` in one call.
+    """Return the ROWS that evaluate many `StateRows`, each from its first row on, in one call.
 
-    Args:
-        model: of the `Kinematics` that is read, with all frames.
-        wanted: what to evaluate.
-        first: row at which each begins.
-        size: how many rows there are; columns of J that never move stay zero.
+    `model` is that of the `Kinematics`, with all frames. Columns of J that never move stay zero.
     """
     plan = np.zeros((len(wanted), 7), dtype=np.int_)
     offsets = np.zeros((len(wanted), 27))

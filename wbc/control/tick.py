@@ -98,7 +98,7 @@ class Controller:
         self.robot, self.tasks = robot, tuple(tasks)
         self.settings = ControllerSettings() if settings is None else settings
         limits = (RotorTorqueLimit(), JointLimit()) if limits is None else limits
-        self._parts = parts = Recipe.of(robot, self.tasks, contacts, limits, self.settings)
+        self._parts = parts = Recipe(robot, self.tasks, contacts, limits, self.settings)
         names = frozenset(task.name for task in self.tasks)
         weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
         self._inputs = InputCheck(robot, names, weighed, tuple(parts.contacts))
@@ -272,7 +272,6 @@ def write(program: ProgramMemory, position: Vector, velocity: Vector, last: Row,
     """Write everything that a state decides; return whether the numbers can be solved with.
 
     Args:
-        program: PROGRAM.
         position, velocity: q (nq,) and v (nv,).
         last: block of the last tick, with v (nv,) [rad/s] expected of this state, and T.
         dt: time until the next tick [s].

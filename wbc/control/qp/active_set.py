@@ -102,7 +102,6 @@ def _try_rows(solver: SolverMemory, known: int, size: int, x: OutRow, base: int)
     The half solution L^-1 (right - G free) of the rows that are known stands in `left`.
 
     Args:
-        solver: a SOLVER.
         known: rows that the last call had as well.
         size: how many of its rows are G.
         x: result (n,).
@@ -137,11 +136,7 @@ def _try_rows(solver: SolverMemory, known: int, size: int, x: OutRow, base: int)
 
 @inner
 def _meet_rows(solver: SolverMemory, known: int, size: int, x: OutRow) -> bool:
-    """Do as `_try_rows`, and correct x (n,) until the rows are met.
-
-    Returns:
-        whether the rows are met; they are not where they depend on one another.
-    """
+    """Do as `_try_rows`, and correct x (n,) until the rows are met; return whether they are."""
     if not _try_rows(solver, known, size, x, size):
         return False
     G, right, softness = solver.rows, solver.right, solver.softness
@@ -175,12 +170,9 @@ def _place_bound(solver: SolverMemory, place: int, row: int) -> int:
 
 @inner
 def _place_active(solver: SolverMemory) -> int:
-    """Write the bounds that bind below the other rows of G.
+    """Write the bounds that bind below the other rows of G; return how many rows there are.
 
-    Those that are none in this program, as of a gear in another direction, are let go of.
-
-    Returns:
-        how many rows there are, -1 where there is no room for them.
+    -1 where there is no room. Bounds that are none in this program are let go of.
     """
     taken, active, size = solver.taken, solver.active, solver.sizes[BASE]
     for i in range(solver.sizes[START], len(taken)):
@@ -219,18 +211,11 @@ def _most_violated(solver: SolverMemory, tolerance: float, x: Row) -> tuple[int,
 
 @inner
 def _go_on(solver: SolverMemory, size: int, met: bool) -> int:
-    """Change all pushes until one reaches zero.
+    """Change all pushes until one reaches zero; return its bound, -1 where none stops the others.
 
-    They move towards those of the system with the last row. Where the others decide that row, it
-    pushes more and more, and they give back what it takes of each motion: nothing moves.
-
-    Args:
-        solver: a SOLVER as `_try_rows` leaves it.
-        size: how many rows G has, the last one the row that enters.
-        met: what `_try_rows` returned.
-
-    Returns:
-        which bound pushes no more, -1 where none stops the others.
+    They move towards those of the system with the last of `size` rows, as `_try_rows` leaves it.
+    Where the others decide that row (not `met`), it pushes more and more, and they give back what
+    it takes of each motion: nothing moves.
     """
     factor, change, taken, active = solver.system, solver.force, solver.taken, solver.active
     push, base = solver.push, solver.sizes[BASE]
@@ -271,7 +256,6 @@ def _begin(solver: SolverMemory, many: int, x: OutRow) -> int:
     """Solve with the bounds taken as binding, and let go of those that pull until none does.
 
     Args:
-        solver, x: as for `settle`.
         many: bounds broken at first with which it goes on.
 
     Returns:
@@ -313,7 +297,6 @@ def settle(solver: SolverMemory, steps: int, x: OutRow) -> tuple[int, int]:
     until one of them is dropped.
 
     Args:
-        solver: a SOLVER.
         steps: systems with other bounds that are solved at most; as many may be broken at first.
         x: result (n,).
 

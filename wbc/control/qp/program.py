@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain, pairwise
 from math import sqrt
 from typing import Any, TypeVar
@@ -21,8 +20,8 @@ from wbc.control.qp.linalg import extend_basis
 from wbc.control.qp.lock_rows import LOCK
 from wbc.control.qp.solvers import INFINITE, QPProblem, QPSolution
 from wbc.control.rows.collision import CollisionLimit, CollisionRows
-from wbc.control.rows.contacts import BoundContact, Contact, ContactSet
-from wbc.control.rows.limits import Effort, JointLimit, MeshLossEffort, RotorTorqueLimit
+from wbc.control.rows.contacts import Contact, ContactSet
+from wbc.control.rows.limits import Effort, JointLimit, RotorTorqueLimit
 from wbc.control.rows.task_stack import TaskStack
 from wbc.control.rows.tasks import Task
 from wbc.control.settings import ControllerSettings
@@ -45,79 +44,58 @@ Label = tuple[str, float, str]
 _TOLD = 0.01  # share of the largest passing from which a limit counts as passed
 
 
-@dataclass(frozen=True, eq=False)
 class Recipe:
     """What the programs of a controller are made of.
 
     Attributes:
         robot: the robot.
-        drivetrain: what is between gears and motors.
+        settings: of the controller.
+        contacts: that may be active, by name.
         kinematics: of the controller.
+        drivetrain: what is between gears and motors.
+        efforts, effort_kinds: see PROGRAM; the least important level bears them.
+        collision: distances to keep, or None.
         joint_limit: limits of joints, or of none.
         joints: their JOINTS.
-        collision: distances to keep, or None.
-        settings: of the controller.
-        efforts, effort_kinds: see PROGRAM; the least important level bears them.
         stacks: tasks by level, the most important first.
-        contacts: that may be active, by name.
     """
 
-    robot: Robot
-    drivetrain: GearModel
-    kinematics: Kinematics
-    joint_limit: JointLimit
-    joints: Any
-    collision: CollisionRows | None
-    settings: ControllerSettings
-    efforts: FloatArray
-    effort_kinds: FloatArray
-    stacks: tuple[TaskStack, ...]
-    contacts: Mapping[str, BoundContact]
-
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         robot: Robot,
         tasks: Sequence[Task | Effort],
         contacts: Sequence[Contact],
         limits: Sequence[RotorTorqueLimit | JointLimit | CollisionLimit],
         settings: ControllerSettings,
-    ) -> Recipe:
-        """Return what the arguments of a `Controller` come to; errors as there."""
+    ) -> None:
+        """Take the arguments of a `Controller`; errors as there."""
+        self.robot, self.settings = robot, settings
         for kind, things in (("task", tasks), ("contact", contacts)):
             names = [one.name for one in things]
             for name in names:
                 if names.count(name) > 1:
                     raise ControlError(f"two {kind}s are called '{name}'; names must differ.")
-        bound = {contact.name: contact.bind(robot) for contact in contacts}
-        frames = [frame for contact in bound.values() for frame in contact.frames]
-        kinematics = Kinematics(robot, frames)
-        drivetrain = GearModel(robot, kinematics, settings, _single(RotorTorqueLimit, limits))
+        self.contacts = {contact.name: contact.bind(robot) for contact in contacts}
+        frames = [frame for contact in self.contacts.values() for frame in contact.frames]
+        self.kinematics = Kinematics(robot, frames)
+        model, rotors = self.kinematics.model, _single(RotorTorqueLimit, limits)
+        self.drivetrain = GearModel(robot, self.kinematics, settings, rotors)
         efforts = [task for task in tasks if isinstance(task, Effort)]
         weights = [effort.weights(robot) for effort in efforts]
-        of_rotors = [float(effort.of_rotors) for effort in efforts]
-        least = [e.least_torque if isinstance(e, MeshLossEffort) else 0.0 for e in efforts]
+        self.efforts: FloatArray = np.array(weights).reshape(-1, robot.transmission.size)
+        kinds = [(float(effort.of_rotors), effort.least_torque) for effort in efforts]
+        self.effort_kinds: FloatArray = np.array(kinds).reshape(-1, 2)
         apart, stops = _single(CollisionLimit, limits), _single(JointLimit, limits)
+        self.collision = None if apart is None else CollisionRows(apart, model)
         if stops is None or not stops.joints:
             stops = JointLimit.of(robot, () if stops is None else None)
+        self.joint_limit, self.joints = stops, stops.structure(robot.model.nv)
         moving = [task for task in tasks if isinstance(task, Task)]
         ranks = sorted({task.level for task in moving})
         if not ranks or ranks[0] != 0:
             raise ControlError("a controller without tasks of level 0 has nothing to do.")
         by_rank = [[task for task in moving if task.level == rank] for rank in ranks]
-        return cls(
-            robot=robot,
-            drivetrain=drivetrain,
-            kinematics=kinematics,
-            joint_limit=stops,
-            joints=stops.structure(robot.model.nv),
-            collision=None if apart is None else CollisionRows(apart, kinematics.model),
-            settings=settings,
-            efforts=np.array(weights).reshape(-1, drivetrain.size),
-            effort_kinds=np.column_stack((of_rotors, least)),
-            stacks=tuple(TaskStack(robot, some, kinematics.model) for some in by_rank),
-            contacts=bound,
-        )
+        self.stacks = tuple(TaskStack(robot, some, model) for some in by_rank)
 
     @property
     def asks_ahead(self) -> bool:
@@ -165,9 +143,7 @@ def write_out(
     """Write Hessian (n, n), gradient (n,), and e equalities over r bounds, rows (e + r, n).
 
     Args:
-        program: PROGRAM.
         wanted: (r,) 1 or -1 for bounds that are tasks for the time being, as well.
-        H, g, rows: results.
         lower, upper: results (2, e + r): without limits of joints and distances, and all.
     """
     solver, counts, hard = program.solver, program.counts, program.counts[COUNT.hard]

@@ -24,7 +24,6 @@ def try_bounds(
     """Solve from the bounds taken as binding, see `settle`; return what that does.
 
     Args:
-        program: PROGRAM.
         start: the first bound that the program has.
         steps: systems with other bounds that are solved at most.
         x, y, z: results, as in `QPSolution`.
@@ -47,10 +46,6 @@ def guess(program: ProgramMemory, block: OutRow) -> int:
     """Solve from the rows that bound the last solution, without torque limits, and write torques.
 
     What efforts cost depends on the directions of the gears: those of the solution are taken.
-
-    Args:
-        program: PROGRAM.
-        block: results.
 
     Returns:
         UNSOLVED, LIMITED_TORQUE or DONE.
@@ -86,7 +81,6 @@ def weigh(
     """Write T of x (n,), what the rotors take, and which gears the mesh law takes beyond limits.
 
     Args:
-        program: PROGRAM.
         x: (n,).
         choice: directions (m,) of the program; gears that are decided are not beyond.
         output, share, beyond: results (m,).
@@ -119,10 +113,8 @@ def contested(
     With those directions a solution with multipliers z is the best, whatever the others are.
 
     Args:
-        program: PROGRAM.
         z: multipliers (r,) of the bounds.
         choice, decided: directions (m,) of the program, and those that are not to be revised.
-        sides: result.
     """
     count, found = len(program.limited), 0
     sides[:] = 0

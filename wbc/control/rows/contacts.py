@@ -18,7 +18,7 @@ from wbc.arrays import FloatArray, IntArray, checked, frozen, must
 from wbc.control.inputs import Checked
 from wbc.control.kinematics import Kinematics, RowKind, StateRows, fill_state_rows, rows_of
 from wbc.control.memory import CONTACTS
-from wbc.dynamics import Workspace, evaluate
+from wbc.dynamics.batch import point_jacobians
 from wbc.errors import ControlError, require_known
 from wbc.robot import Robot
 
@@ -52,9 +52,7 @@ class Contact(Checked, ABC):
     def bind(self, robot: Robot) -> BoundContact:
         """Return the contact resolved on `robot`.
 
-        Raises:
-            ControlError: the contact does not fit the robot.
-            RobotError: it names something that the robot does not have.
+        Raises ControlError where it does not fit, RobotError where the robot lacks what it names.
         """
 
 
@@ -134,10 +132,11 @@ class PointContact(Contact):
         Raises:
             ControlError: the point cannot move up and down, so that no force supports it, or the
                 ground leans in a direction in which the robot cannot move.
-            RobotError: no such contact point.
         """
         point = robot.contact(self.name)
-        axes = movable_axes(robot, robot.contacts.index(point))
+        # moved by any motion of the robot, as a few configurations over the joints' range show
+        moved = np.abs(point_jacobians(robot, np.array(drawn_poses(robot, 5)), self.name))
+        axes = np.flatnonzero(moved[:, :3].max(axis=(0, 2)) > 1e-9).tolist()
         if 2 not in axes:
             raise ControlError(f"contact '{self.name}' cannot move along z on '{robot.name}'.")
         mu = point.friction if self.friction is None else self.friction
@@ -179,19 +178,6 @@ def drawn_poses(robot: Robot, count: int) -> list[FloatArray]:
     return [pin.integrate(robot.model, robot.neutral(), step) for step in steps]
 
 
-def movable_axes(robot: Robot, index: int) -> list[int]:
-    """Return the world axes in which any motion of the robot moves a contact point.
-
-    Judged at a few configurations spread over the joints' range, by a Jacobian row that is zero
-    at all of them.
-    """
-    space, reach = Workspace(robot), np.zeros(3)
-    for q in drawn_poses(robot, 5):
-        rows = evaluate(robot, q, np.zeros(robot.model.nv), space).contact_jacobian
-        reach = np.maximum(reach, np.abs(rows[3 * index : 3 * index + 3]).max(axis=1))
-    return [axis for axis in range(3) if reach[axis] > 1e-9]
-
-
 _FLAT = 1e-6  # [m] that corners written with six decimals are off
 
 
@@ -212,25 +198,12 @@ class SurfaceContact(Contact):
 
     corners: tuple[str, ...]
 
-    def _check_outline(self, corners: FloatArray) -> None:
-        """Raise ControlError unless all corners (n, 2) are corners of their convex hull."""
-        try:
-            used = ConvexHull(corners).vertices
-        except QhullError:
-            used = np.zeros(0, dtype=np.int_)
-        for i in range(len(corners)):
-            if i not in used:
-                raise ControlError(
-                    f"contact '{self.name}': '{self.corners[i]}' lies between the other corners."
-                )
-
     def bind(self, robot: Robot) -> BoundContact:
         """Return the contact with its placement and its cone.
 
         Raises:
             ControlError: fewer than three corners, corners in several frames, not in one plane
                 z = const., or one that lies between the others.
-            RobotError: no such contact point.
         """
         points = [robot.contact(name) for name in self.corners]
         if len(points) < 3:
@@ -247,7 +220,13 @@ class SurfaceContact(Contact):
                 f"contact '{self.name}': the corners lie in no plane along x and y of "
                 f"'{points[0].frame}'."
             )
-        self._check_outline(offsets[:, :2])
+        try:
+            used = set(ConvexHull(offsets[:, :2]).vertices)
+        except QhullError:
+            used = set[int]()
+        if between := [name for i, name in enumerate(self.corners) if i not in used]:
+            told = f"contact '{self.name}': '{between[0]}' lies between the other corners."
+            raise ControlError(told)
         mu = min(p.friction for p in points) if self.friction is None else self.friction
         around = (offsets - middle)[:, :2]
         matrix, labels = polygon_cone(mu / np.sqrt(2.0), around)
@@ -319,12 +298,9 @@ class ContactSet:
     def __init__(
         self, contacts: tuple[BoundContact, ...], model: pin.Model, rank: int | None = None
     ) -> None:
-        """Lay out the rows.
+        """Lay out the rows, `rank` of which (all when left out) are independent.
 
-        Args:
-            contacts: the contacts.
-            model: of the `Kinematics` that is read.
-            rank: how many of the rows are independent; all when left out.
+        `model` is that of the `Kinematics` that is read.
         """
         self.contacts = contacts
         ends = np.cumsum([0, *[len(contact.axes) for contact in contacts]]).tolist()
@@ -404,7 +380,6 @@ class ContactRamp:
 
         Args:
             wanted: the contacts that are to carry force, or their ceilings.
-            dt: [s].
             at_once: whether to begin with what is wanted, without a ramp.
 
         Raises:

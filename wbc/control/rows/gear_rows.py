@@ -158,7 +158,6 @@ def place_torques(program: ProgramMemory, block: OutRow) -> bool:
     """Write what a solution leads to: torques, drive commands, the velocity expected next.
 
     Args:
-        program: PROGRAM.
         block: holds x; results.
 
     Returns:

@@ -126,7 +126,6 @@ class JointLimit:
         """Return the limits that the robot's model states.
 
         Args:
-            robot: the robot.
             joints: names of one-degree joints; when left out all driven ones of which the model
                 states a stop or a greatest speed.
             acceleration: greatest acceleration and braking [rad/s^2], one number or one per joint;
@@ -223,6 +222,7 @@ class Effort(Checked):
 
     _told = "effort '{0.name}': "
     of_rotors: ClassVar[bool] = False
+    least_torque: ClassVar[float] = 0.0
 
     def weights(self, robot: Robot) -> FloatArray:
         """Return w (m,); what a mesh loses is multiplied with |e - 1| |dpsi| / |T_0| as well."""
@@ -264,14 +264,12 @@ class MeshLossEffort(Effort):
 
     The loss is |e - 1| |dpsi| |T|; its absolute value is majorised by a parabola through the last
     tick's torque, |T| <= T^2/(2 |T_0|) + |T_0|/2, which ticks that follow one another closely
-    turn into the absolute value itself.
-
-    Attributes:
-        least_torque: [N m] under which |T_0| is not taken, so that the parabola stays finite.
+    turn into the absolute value itself. Under half a newton metre |T_0| is not taken, so that the
+    parabola stays finite.
     """
 
     name: str = "mesh_loss"
-    least_torque: float = field(default=0.5, metadata=must("> 0 N m"))
+    least_torque: ClassVar[float] = 0.5
 
 
 @final

@@ -44,7 +44,6 @@ def keep_over_feet(program: ProgramMemory, vx: float, vy: float, row: int) -> No
     With fewer than three corners a robot balances on a line or a point, and nothing is taken.
 
     Args:
-        program: PROGRAM.
         vx, vy: of the centre of mass [m/s].
         row: of what tasks want, where x of its acceleration stands, and y in the next; result.
     """
@@ -96,10 +95,7 @@ angular momentum about +y, and the pitch of a frame."""
 def pitch_rate(rows: Dense) -> tuple[float, float]:
     """Return a and c of dtheta/dt = a xd + c k for the smallest motion with a resting foot.
 
-    Both are NaN where the foot cannot rest.
-
-    Args:
-        rows: of the foot, the centre of mass, its spin and the pitch, as above (6, nv).
+    From the rows (6, nv) above. Both are NaN where the foot cannot rest.
     """
     normal, weights = np.empty((5, 5)), np.empty(5)
     for i in range(5):
@@ -124,7 +120,6 @@ def balancing(
         s^4 + (k2 - Z k3) s^3 + (k1 + (a - c Z) k4) s^2 + G k3 s + c G k4 = (s + p)^4.
 
     Args:
-        tree: a TREE.
         entries: ROWS, of which row e names the foot, the frame whose pitch is kept, and p [1/s] in
             place of an arm, or 0 for that of the pendulum's fall, sqrt(g/z).
         e: number of the entry.
@@ -217,8 +212,7 @@ def want(program: ProgramMemory) -> None:
 def place_tasks(program: ProgramMemory) -> float:
     """Write the rows of tasks that have a weight, and the diagonal; leave room for efforts.
 
-    Returns:
-        the sum of the sizes of everything wanted.
+    Returns the sum of the sizes of everything wanted.
     """
     tasks, solver, count, total = program.tasks, program.solver, 0, 0.0
     for i in range(len(tasks.rows.jacobian)):
@@ -276,8 +270,7 @@ def place_joint_bounds(program: ProgramMemory) -> None:
 def place_balance(program: ProgramMemory) -> float:
     """Write (M qdd - scale J' f)_undriven = -bias_undriven, and the rows of contacts below.
 
-    Returns:
-        the sum of the sizes of what stands on the right.
+    Returns the sum of the sizes of what stands on the right.
     """
     solver, at, total = program.solver, program.counts[COUNT.cost], 0.0
     jacobian, target = program.contacts.rows.jacobian, program.contacts.target

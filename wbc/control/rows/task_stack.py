@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
 from wbc.control.inputs import Reference, Target, TickInputError
 from wbc.control.kinematics import Kinematics, rows_of
 from wbc.control.memory import TASKS
@@ -28,22 +28,16 @@ class _Entry(NamedTuple):
         task: the task.
         size: how many rows it has.
         rows: which ones of the stack.
-        number: place of its target in the table of frames, -1 for a task without.
-        place: memory of its target in that table (12,), None where it has none.
-        slot: the part of all that which a target fills that is an array, None where none does.
+        number: of its entry in ROWS, -1 for a task without.
+        write: writes a target to where the tick reads it; None where the task says its rows itself
+            in every tick.
     """
 
     task: Task
     size: int
     rows: slice
     number: int
-    place: FloatArray | None
-    slot: FloatArray | None
-
-    @property
-    def asked(self) -> bool:
-        """Whether the task says its rows itself in every tick."""
-        return self.place is None and self.slot is None
+    write: Callable[[Target], None] | None
 
 
 class TaskStack:
@@ -61,13 +55,7 @@ class TaskStack:
     """
 
     def __init__(self, robot: Robot, tasks: Sequence[Task], model: pin.Model) -> None:
-        """Check the tasks on `robot` and make room for them.
-
-        Args:
-            robot: the robot.
-            tasks: of one level.
-            model: of the `Kinematics` that is read.
-        """
+        """Check the tasks of a level on `robot`; `model` is that of the `Kinematics`."""
         selecting = [task for task in tasks if isinstance(task, PostureTask)]
         ordered = [*[task for task in tasks if task not in selecting], *selecting]
         ends = np.cumsum([0, *[task.check(robot) for task in ordered]]).tolist()
@@ -75,12 +63,12 @@ class TaskStack:
         known = [(task, rows) for task, rows in placed if isinstance(task, StateTask)]
         total = ends[len(ordered) - len(selecting)]
         table = [task.state_rows for task, _ in known], [rows.start for _, rows in known]
-        none = np.zeros(0, np.int_)
+        held = [(np.zeros(0, np.int_),) * 2, *[task.places(model) for task in selecting]]
         self.memory: Any = TASKS.of(
             {"k": ends[-1], "v": robot.model.nv, "c": ends[-1] - total, "e": len(known)},
             rows=rows_of(model, *table, total),
-            chosen=np.concatenate([none, *[task.velocities for task in selecting]]),
-            positions=np.concatenate([none, *[task.positions for task in selecting]]),
+            positions=np.concatenate([positions for positions, _ in held]),
+            chosen=np.concatenate([rows for _, rows in held]),
         )
         memory, gravity = self.memory, float(np.linalg.norm(robot.model.gravity.linear))
         self._jacobian, self._drift = memory.rows.jacobian, memory.rows.drift
@@ -89,14 +77,16 @@ class TaskStack:
         for task, rows in placed:
             memory.limits[rows], memory.gains[2, rows] = task.acceleration_limit, -1.0
             memory.gains[[0, 1, 3, 4], rows] = np.array(task.gains(gravity))[:, None]
-            number, place, slot = -1, None, None
+            number, write, size = -1, None, rows.stop - rows.start
             if isinstance(task, StateTask):
                 number, place = next(places)
-                slot = task.slot(place) if type(task).pack is StateTask.pack else None
+                write = partial(task.pack, place=place)
+                if type(task).pack is StateTask.pack:  # where it writes to is the same every time
+                    write = partial(task.slot(place).__setitem__, slice(None))
             elif rows.start >= total:
-                slot = memory.goals[rows.start - total : rows.stop - total]
-            size = rows.stop - rows.start
-            self._entries.append(_Entry(task, size, rows, number, place, slot))
+                goals = memory.goals[rows.start - total : rows.stop - total]
+                write = partial(goals.__setitem__, slice(None))
+            self._entries.append(_Entry(task, size, rows, number, write))
         self._by_name = {entry.task.name: entry for entry in self._entries}
         self._shares: tuple[dict[str, float], dict[str, float]] | None = None
         self._moves, self._active = True, dict[str, _Entry]()
@@ -107,12 +97,7 @@ class TaskStack:
     def weigh(
         self, weights: Mapping[str, float] | None, activation: Mapping[str, float] | None
     ) -> None:
-        """Take the weights of a tick.
-
-        Args:
-            weights: by task, in place of the task's own.
-            activation: by task, 0 to 1, what the weight is multiplied with; 1 where left out.
-        """
+        """Take the weights of a tick, and what they are multiplied with, as `Controller.step`."""
         if self._shares == (weights or _NONE, activation or _NONE):
             return
         self._shares = own, shares = dict(weights or _NONE), dict(activation or _NONE)
@@ -128,7 +113,7 @@ class TaskStack:
                 self._active[name] = entry
             else:
                 self._parts[:, rows] = self._drift[rows] = 0.0
-        self._asked = [entry for entry in self._active.values() if entry.asked]
+        self._asked = [entry for entry in self._active.values() if not entry.write]
         memory.diagonal[:] = 0.0
         np.add.at(memory.diagonal, memory.chosen, memory.weights[len(self._jacobian) :])
 
@@ -156,7 +141,8 @@ class TaskStack:
         if self._targets is not self._held:
             self._targets = self._held
             for name, target in self._held.items():
-                self._write(self._by_name[name], target)
+                if write := self._by_name[name].write:
+                    write(target)
         if self._moves:
             self._parts[3:] = 0.0
             self._moves = False
@@ -202,11 +188,5 @@ class TaskStack:
         if self._targets is self._held:
             self._targets = dict(self._held)
         self._targets[entry.task.name] = target
-        self._write(entry, target)
-
-    def _write(self, entry: _Entry, target: Target) -> None:
-        """Write a target to where the tick reads it, unless the task is asked itself."""
-        if entry.slot is not None:
-            entry.slot[:] = target
-        elif entry.place is not None:
-            cast(StateTask, entry.task).pack(target, entry.place)
+        if entry.write:
+            entry.write(target)

@@ -11,8 +11,8 @@ from typing import Any, ClassVar, NamedTuple, final
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, IntArray, frozen, must, reals
-from wbc.compiled import Matrix, compiled
+from wbc.arrays import FloatArray, IntArray, must, reals
+from wbc.compiled import Dense, compiled
 from wbc.control.inputs import Checked, Target
 from wbc.control.kinematics import (
     Kinematics,
@@ -24,6 +24,7 @@ from wbc.control.kinematics import (
     rows_of,
 )
 from wbc.errors import ControlError
+from wbc.mechanics.linear import add_cross, dot
 from wbc.robot import Robot
 
 _FLOAT = np.dtype(np.float64)
@@ -93,17 +94,9 @@ class Task(Checked, ABC):
         """Return the present value, of the kind that a reference's `position` has."""
 
     def admitted(self, target: Target, size: int) -> Target:
-        """Return a target checked, and copied from memory that the caller may use again.
+        """Return the `position` of a reference, checked and copied; ControlError if it is none.
 
-        By default a target is an array of as many numbers as the task has rows; a task whose
-        value is something else says so here.
-
-        Args:
-            target: what a reference's `position` holds.
-            size: number of rows k.
-
-        Raises:
-            ControlError: it is no target of this task.
+        By default it is an array (size,), as many numbers as the task has rows.
         """
         return vector_target(target, size)
 
@@ -190,8 +183,7 @@ class StateTask(Task):
     def slot(self, place: FloatArray) -> FloatArray:
         """Return the part (k,) of a placement (12,) in which a target stands that is an array.
 
-        Rotation row by row is before the translation, or the one number of a distance or a
-        pitch; a momentum is in front.
+        A rotation row by row stands before the translation or the number of a distance or pitch.
         """
         return (place if self.kind is RowKind.MOMENTUM else place[9:])[self.rows()]
 
@@ -212,11 +204,7 @@ class AxesTask(StateTask):
     turns: ClassVar[bool] = False
 
     def rows(self) -> slice:
-        """Return the linear rows of the axes, or the angular ones, as views instead of copies.
-
-        Raises:
-            ControlError: no letter, one other than x, y, z, one twice, or not in this order.
-        """
+        """Return the linear rows of the axes, or the angular ones; ControlError for other axes."""
         axes, first = ["xyz".find(letter) for letter in self.axes], 3 if self.turns else 0
         if not axes or min(axes) < 0 or any(a >= b for a, b in pairwise(axes)):
             raise ControlError(
@@ -230,8 +218,7 @@ class AxesTask(StateTask):
 def numbers(given: Any, shape: tuple[int, ...], told: str) -> FloatArray:
     """Return what was given as a new array of a shape; any one number is an array (1,).
 
-    Raises:
-        ControlError: another shape, or no real numbers; `told` is what the message calls it.
+    `told` is what the message of a ControlError calls it.
     """
     try:
         values = reals(given)
@@ -260,25 +247,20 @@ def rotation_target(target: Any) -> FloatArray:
     """
     told = "position, a rotation matrix (of roll, pitch and yaw pin.rpy.rpyToMatrix makes one),"
     matrix = numbers(target, (3, 3), told)
-    if rotation_error(matrix) > _TURNED:
+    if rotation_error(np.ascontiguousarray(matrix)) > _TURNED:
         raise ControlError("position is no rotation matrix: R'R = 1 and det R = 1 do not hold")
     return matrix
 
 
 @compiled
-def rotation_error(matrix: Matrix) -> float:
-    """Return the largest entry of |R'R - 1|, at least 2 for a reflection; NaN where R has one."""
-    worst = 0.0
+def rotation_error(matrix: Dense) -> float:
+    """Return the largest entry of |R R' - 1|, at least 2 for a reflection; NaN where R has one."""
+    worst, across = 0.0, np.zeros(3)
     for i in range(3):
         for j in range(3):
-            product = 0.0
-            for k in range(3):
-                product += matrix[k, i] * matrix[k, j]
-            worst = max(worst, abs(product - (1.0 if i == j else 0.0)))
-    a, b, c = matrix[0], matrix[1], matrix[2]
-    turn = a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0])
-    turn += a[2] * (b[0] * c[1] - b[1] * c[0])
-    return worst if turn > 0.0 or not turn < 0.0 else max(worst, 2.0)
+            worst = max(worst, abs(dot(matrix[i], matrix[j]) - (1.0 if i == j else 0.0)))
+    add_cross(1.0, matrix[0], matrix[1], across)
+    return max(worst, 2.0) if dot(across, matrix[2]) < 0.0 else worst
 
 
 @final
@@ -286,69 +268,56 @@ def rotation_error(matrix: Matrix) -> float:
 class PostureTask(Task):
     """Positions of joints with one degree of freedom, driven or not [rad or m].
 
-    Build it with `PostureTask.of(robot, ...)`, which resolves the names.
-
     Attributes:
         joints: names of the joints, in the order of the rows.
-        positions, velocities: where (k,) q and v hold them.
     """
 
     name: str = "posture"
     joints: tuple[str, ...]
-    positions: IntArray = field(repr=False)
-    velocities: IntArray = field(repr=False)
-    _size: int = field(repr=False)
 
     @classmethod
     def of(
-        cls,
-        robot: Robot,
-        joints: tuple[str, ...] | None = None,
-        *,
-        name: str = "posture",
-        **settings: Any,
+        cls, robot: Robot, joints: tuple[str, ...] | None = None, **settings: Any
     ) -> PostureTask:
         """Return the posture task of `joints` (all driven ones when left out) on `robot`.
 
         Args:
-            robot: the robot.
             joints: names.
-            name, settings: as for `Task`.
+            settings: as for `Task`.
 
         Raises:
-            ControlError: a joint with several degrees of freedom (the base is a frame's pose).
+            ControlError: a joint with several degrees of freedom.
             RobotError: no such joint.
         """
         names = robot.transmission.joints if joints is None else tuple(joints)
-        rows = [robot.velocity_index(joint) for joint in names]
-        for joint in names:
-            if joint not in robot.single_joints:
-                raise ControlError(
-                    f"task '{name}': joint '{joint}' has several degrees of freedom; "
-                    "use FramePoseTask on the link it carries."
-                )
-        return cls(
-            name=name,
-            joints=names,
-            positions=frozen([robot.position_index(j) for j in names], np.int_),
-            velocities=frozen(rows, np.int_),
-            _size=robot.model.nv,
-            **settings,
-        )
+        task = cls(joints=names, **settings)
+        task.check(robot)
+        return task
 
     def check(self, robot: Robot) -> int:
         """Return the number of joints."""
-        if self._size != robot.model.nv:
-            raise ControlError(f"task '{self.name}' was made for another robot.")
+        for joint in self.joints:
+            robot.velocity_index(joint)
+            if joint not in robot.single_joints:
+                raise ControlError(
+                    f"task '{self.name}': joint '{joint}' has several degrees of freedom; "
+                    "use FramePoseTask on the link it carries."
+                )
         return len(self.joints)
+
+    def places(self, model: pin.Model) -> tuple[IntArray, IntArray]:
+        """Return where (k,) q and v hold the joints."""
+        own = [model.joints[model.getJointId(joint)] for joint in self.joints]
+        rows = np.array([(one.idx_q, one.idx_v) for one in own], dtype=np.int_).reshape(-1, 2)
+        return rows[:, 0], rows[:, 1]
 
     def value(self, kinematics: Kinematics) -> FloatArray:
         """Return the joints' positions, (k,)."""
-        return kinematics.position[self.positions]
+        return kinematics.position[self.places(kinematics.model)[0]]
 
     def jacobian(self, kinematics: Kinematics) -> FloatArray:
         """Return the selection of the joints' rows, (k, nv)."""
-        return np.eye(self._size)[self.velocities]
+        return np.eye(kinematics.model.nv)[self.places(kinematics.model)[1]]
 
     def drift(self, kinematics: Kinematics) -> FloatArray:
         """Return zeros, (k,)."""
