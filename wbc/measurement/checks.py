@@ -29,11 +29,10 @@ def check_alone(log: Log, said: Collection[str]) -> Iterator[LogFinding]:
     """
     resting = resting_joints(log)
     yield from _check_clock(log)
+    way = "The log tells its static torque alone: move it in another log, or lock it in the robot."
     for name in sorted(f"{joint}.position" for joint in resting):
         place = log.column(name)
         text = f"the joint stands still (within {np.ptp(place):.2g} of {place.mean():.4g})."
-        way = "This log tells nothing of the joint but a static torque: move it in another log, or "
-        way += "lock it in the robot."
         yield LogFinding("warning", "constant_joint", name, text, way)
     yield from _check_channels(log, resting)
     yield from _check_stuck(log, resting)
@@ -52,11 +51,9 @@ def check_reading(log: Log, said: Sequence[LogFinding]) -> Iterator[LogFinding]:
             text += f" The same rows lack {', '.join(columns[1:])}."
         yield LogFinding("warning", "missing", ", ".join(columns), text, "")
     told = "".join(finding.way_out for finding in said)
-    ignored = [name for name in log.source.ignored if f"'{name}'" not in told]
-    if ignored:
-        text = f"columns that were not read: {', '.join(ignored)}."
-        way_out = "If one matters, give it the name of a channel."
-        yield LogFinding("info", "unread", "", text, way_out)
+    if ignored := ", ".join(name for name in log.source.ignored if f"'{name}'" not in told):
+        way = "If one matters, give it the name of a channel."
+        yield LogFinding("info", "unread", "", f"columns that were not read: {ignored}.", way)
 
 
 def _check_clock(log: Log) -> Iterator[LogFinding]:
@@ -65,15 +62,11 @@ def _check_clock(log: Log) -> Iterator[LogFinding]:
     median = float(np.median(steps))
     holes = gaps(log.time)
     if holes.size:
-        text = (
-            f"{holes.size} gaps longer than {GAP_STEPS:g} samples; the first at "
-            f"{log.time[holes[0]]:.4f} s, the longest {1e3 * steps.max():.1f} ms."
-        )
-        way = (
-            "Derivatives across a gap mean nothing: compare and diagnose cut the log where "
-            f"more than {1e3 * CUT_FROM:g} ms are missing."
-        )
-        severity = "warning"
+        first, longest = f"{log.time[holes[0]]:.4f} s", f"{1e3 * steps.max():.1f} ms"
+        text = f"{holes.size} gaps longer than {GAP_STEPS:g} samples; the first at {first}, the "
+        text += f"longest {longest}."
+        severity, way = "warning", "Derivatives across a gap mean nothing: compare and diagnose "
+        way += f"cut the log where more than {1e3 * CUT_FROM:g} ms are missing."
         try:
             cut_at_gaps([log])
         except LogError as cause:
@@ -126,24 +119,18 @@ def check_set(logs: Sequence[Log]) -> Iterator[LogFinding]:
     first = logs[0]
     for log in logs[1:]:
         if set(log.joints) != set(first.joints):
-            text = (
-                f"{log.source.label} has the joints {', '.join(log.joints)}; "
-                f"{first.source.label} has {', '.join(first.joints)}."
-            )
+            has = (f"{x.source.label} has the joints {', '.join(x.joints)}" for x in (log, first))
             way = "Logs given together must be of one robot."
-            yield LogFinding("error", "joints_differ", "", text, way)
+            yield LogFinding("error", "joints_differ", "", f"{'; '.join(has)}.", way)
         elif odd := ", ".join(sorted({*first.names} ^ {*log.names})):
             text = f"{log.source.label} and {first.source.label} differ in the channels {odd}."
             way = "Only channels that all logs have are used together."
             yield LogFinding("warning", "channels_differ", "", text, way)
     slow, fast = (pick(logs, key=lambda log: log.sample_time) for pick in (max, min))
     if slow.sample_time >= _RATE_RATIO * fast.sample_time:
-        text = (
-            f"{slow.source.label} has {1.0 / slow.sample_time:.4g} Hz, {fast.source.label} "
-            f"{1.0 / fast.sample_time:.4g} Hz."
-        )
+        has = (f"{one.source.label} has {1.0 / one.sample_time:.4g} Hz" for one in (slow, fast))
         way = "Fine if they were recorded so; otherwise one clock is in another unit."
-        yield LogFinding("warning", "rates_differ", "time", text, way)
+        yield LogFinding("warning", "rates_differ", "time", f"{', '.join(has)}.", way)
 
 
 _SATURATED_SHARE = 0.005
@@ -172,9 +159,8 @@ def _check_channels(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
         if quantity not in _MEASURED or (joint in resting and quantity in _MOTION):
             continue
         if values[0] == values[-1] and np.ptp(values) == 0.0:
-            kind, text = "constant_channel", "zero" if values[0] == 0.0 else f"{values[0]:g}"
-            text, way = f"{text} throughout.", "Fine for an unpowered joint; otherwise the channel "
-            way += "is not connected."
+            kind, way = "constant_channel", "Fine if unpowered; else the channel is not connected."
+            text = f"{values[0]:g} throughout."
             if quantity == "position":
                 kind, way = "constant_joint", "The channel is not connected."
                 text = f"{values[0]:g} throughout, while the velocity changes."
@@ -183,13 +169,12 @@ def _check_channels(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
             continue
         step, spread = resolution(values), float(np.std(values))
         if step > _COARSE_SHARE * spread and joint not in resting:
-            text = f"the resolution {step:.4g} is {100.0 * step / spread:.0f} % of the signal's "
+            text = f"the resolution {step:.4g} is {100.0 * step / spread:.0f} % of its spread."
             way = "Excite more, or read it with more bits."
-            yield LogFinding("warning", "coarse", name, f"{text}spread.", way)
+            yield LogFinding("warning", "coarse", name, text, way)
         # A duty of one is the limit by definition, whether the joint moves or not.
         full = quantity == "duty" and float(np.abs(values).max()) >= _FULL_DUTY
-        known = log.has(f"{joint}.position") and not full
-        position = log.column(f"{joint}.position") if known else None
+        position = None if full else log.columns.get(f"{joint}.position")
         low, high, share, runs = plateau(values, position)
         if quantity in _ACTUATION and share >= _SATURATED_SHARE and (runs >= 3 or full):
             text = f"{100.0 * share:.1f} % of the samples sit at an extreme ({low:g} or {high:g})."
@@ -219,7 +204,7 @@ def _moves(log: Log, joint: str) -> bool:
         unsure = float(np.hypot(residual_noise(time, position), rounded))
         if spread > _MOVES * unsure:
             return True
-    velocity = log.column(f"{joint}.velocity") if log.has(f"{joint}.velocity") else np.zeros(1)
+    velocity = log.columns.get(f"{joint}.velocity", np.zeros(1))
     if np.ptp(velocity) == 0.0:
         return False
     integral = cumulative_trapezoid(velocity, time, initial=0.0)
@@ -236,8 +221,7 @@ def _moves(log: Log, joint: str) -> bool:
 def _rounding(position: FloatArray) -> float:
     steps = np.abs(np.diff(position))
     steps = steps[steps > _ROUNDING * max(float(np.ptp(position)), 1e-300)]
-    count = float(steps.min(initial=np.inf))
-    return count / np.sqrt(12.0) if np.isfinite(count) else 0.0
+    return float(steps.min()) / np.sqrt(12.0) if steps.size else 0.0
 
 
 def _check_stuck(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
@@ -253,23 +237,22 @@ def _check_stuck(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
     """
     for joint in log.with_quantity("position"):
         names = [f"{joint}.position", f"{joint}.velocity"]
-        held = [] if joint in resting or not log.has(*names) else [*map(log.column, names)]
-        if not held or not all(map(np.ptp, held)):
+        held = [log.columns.get(name, np.zeros(1)) for name in names]
+        if joint in resting or not all(map(np.ptp, held)):
             continue
         position, velocity = held
         # What the velocity shows at rest, by the rows outside those that are held.
         steps = np.diff(log.time)
         strays = 0.5 * (velocity[1:] + velocity[:-1]) * steps - np.diff(position)
         for name, values in zip(names, held, strict=True):
-            starts, ends = true_runs(np.diff(values) == 0.0)
-            length = int(np.max(ends - starts, initial=0))
-            start = int(starts[np.argmax(ends - starts)]) if length else 0
-            seconds = float(log.time[start + length] - log.time[start])
-            if length < _SAMPLES or seconds < _SECONDS:
+            runs = zip(*true_runs(np.diff(values) == 0.0), strict=True)
+            start, end = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
+            seconds = float(log.time[end] - log.time[start])
+            if end - start < _SAMPLES or seconds < _SECONDS:
                 continue
             # The later half alone: a velocity that lags behind dies out in the first.
-            rows, stop = slice(start + length // 2, start + length + 1), start + length + 1
-            moved = abs(float(position[stop - 1] - position[rows.start]))
+            rows, stop = slice((start + end) // 2, end + 1), end + 1
+            moved = abs(float(position[end] - position[rows.start]))
             passed = log.time[rows][-1] - log.time[rows][0]
             others = np.delete(np.arange(steps.size), slice(start, stop))
             zero = strays[others].sum() / max(float(steps[others].sum()), 1e-300) * passed
@@ -305,21 +288,17 @@ def resolution(values: FloatArray) -> float:
     neighbouring values are multiples of it and values repeat as a grid makes them.
     """
     levels = np.unique(values[:_SAMPLE_ROWS])
-    rows = min(values.size, _SAMPLE_ROWS)
-    if levels.size < 3 or levels.size > 0.7 * rows:
-        return 0.0
-    span = float(levels[-1] - levels[0])
     distances = np.diff(levels)
     # Rounding in the file (single precision, printed digits) splits one level into several.
-    distances = distances[distances > 1e-6 * span]
-    if distances.size < 2:
+    distances = distances[distances > 1e-6 * np.ptp(levels)]
+    if levels.size > 0.7 * min(values.size, _SAMPLE_ROWS) or distances.size < 2:
         return 0.0
     step = float(np.quantile(distances, 0.05))
-    multiples = distances / step
-    on_grid = np.abs(multiples - np.round(multiples)) < 0.1
-    if np.mean(on_grid & (multiples < 20.5)) < 0.8:
+    whole = np.round(distances / step)
+    on_grid = np.abs(distances / step - whole) < 0.1
+    if np.mean(on_grid & (whole <= 20.0)) < 0.8:
         return 0.0
-    return float(np.median(distances[on_grid] / np.round(multiples[on_grid])))
+    return float(np.median(distances[on_grid] / whole[on_grid]))
 
 
 def plateau(
@@ -365,13 +344,12 @@ def find_repeats(logs: Sequence[Log]) -> tuple[tuple[int, ...], ...]:
         Groups of two or more indices, in order of their first member.
     """
     copies = {k for group in find_duplicates(logs) for k in group[1:]}
-    groups: list[list[int]] = []
+    groups: dict[int, list[int]] = {}
     for k, log in enumerate(logs):
         if k not in copies:
-            home = next((g for g in groups if _same_excitation(logs[g[0]], log)), [])
-            groups += [] if home else [home]
-            home.append(k)
-    return tuple(tuple(group) for group in groups if len(group) > 1)
+            home = next((first for first in groups if _same_excitation(logs[first], log)), k)
+            groups.setdefault(home, []).append(k)
+    return tuple(tuple(group) for group in groups.values() if len(group) > 1)
 
 
 def find_duplicates(logs: Sequence[Log]) -> tuple[tuple[int, ...], ...]:

@@ -97,27 +97,24 @@ def repeated_mend(
             have lost digits.
     """
     steps = np.diff(time)
-    if (odd := np.flatnonzero(~np.isfinite(time))).size:
-        where = f"{time[odd[0]]} at row {rows[odd[0]]}"
-        raise LogError(f"{label}: time is {where}. Leave such rows out.")
-    if (back := np.flatnonzero(steps < 0.0)).size:
-        k = int(back[0])
+    for k in np.flatnonzero(~np.isfinite(time))[:1]:
+        raise LogError(f"{label}: time is {time[k]} at row {rows[k]}. Leave such rows out.")
+    for k in (back := np.flatnonzero(steps < 0.0))[:1]:
         raise LogError(
             f"{label}: time goes back at row {rows[k + 1]} ({time[k]:.9g} s, then "
-            f"{time[k + 1]:.9g} s; {back.size} such rows). Sort the file by time if its rows were "
-            "stored out of order."
+            f"{time[k + 1]:.9g} s; {back.size} such rows). Sort rows that were stored out of order."
         )
     shared = steps == 0.0
     if not shared.any():
         return {}
     usual = np.inf if shared.all() else float(np.median(steps[~shared]))
     if np.mean(shared) > 0.5 and usual > _FAR:
-        rate: Mend = {"time": {"rate": 100}}
         raise LogError(
             f"{label}: {np.sum(shared)} of {time.size} rows share a time stamp with the row "
             f"before, and stamps that differ are {usual:g} s apart: digits of the clock were lost. "
             "Export the clock with more digits. If the rows are evenly spaced, give `wbc init` "
-            f"their rate, --rate HZ, or put it in place of 100, and {say_so(rate)}"
+            "their rate, --rate HZ, or put it in place of 100, and "
+            + say_so({"time": {"rate": 100}})
         )
     moved = [np.diff(values) != 0.0 for values in columns.values()]
     several = np.sum(shared & np.any(moved, axis=0)) > 0.5 * np.sum(shared) if moved else False
@@ -150,9 +147,9 @@ def advancing(
         within = np.arange(time.size) - np.repeat(first, counts)
         spread = np.asarray(time + within * np.repeat(widths / counts, counts))
         return spread, np.ones(time.size, dtype=bool)
-    again = np.flatnonzero(~kept)
+    k, count = int(np.argmin(kept)), np.count_nonzero(~kept)
     ways = {"spread": "spread rows over the time between stamps", "first": "keep the first of each"}
     raise LogError(
-        f"{label}: time repeats at row {rows[again[0]]} ({time[again[0]]:.9g} s; {again.size} such "
-        f"rows of {time.size}). To {say_so(mend, ways[mend['time']['repeated']])}"
+        f"{label}: time repeats at row {rows[k]} ({time[k]:.9g} s; {count} such rows of "
+        f"{time.size}). To {say_so(mend, ways[mend['time']['repeated']])}"
     )

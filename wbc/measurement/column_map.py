@@ -42,14 +42,14 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from fnmatch import translate
+from fnmatch import fnmatchcase
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
+from wbc.arrays import BoolArray, FloatArray, is_real
 from wbc.errors import LogError, require_known
 from wbc.files import SCHEMA, load_table, write_text
 from wbc.measurement import schema
@@ -66,11 +66,10 @@ ENCODER_RATES = {
     "target_velocity": "/s",
 }
 """Quantities that turn with the encoder of a joint -> what their unit has more than its."""
-_SECTIONS: Mapping[str, Any] = {
+SECTIONS: Mapping[str, Any] = {
     **{"rows": {"split": "log"}, "time": {"from": "t"}, "columns": {"hip.position": "q1"}},
     "trusted": True,
 }
-SECTIONS = tuple(_SECTIONS)
 _POWERS = {
     **dict.fromkeys(ENCODER_RATES, -1),
     **dict.fromkeys(("rotor_position", "rotor_velocity", "rotor_torque"), 0),
@@ -104,17 +103,13 @@ def _checked(
     for key, value in table.items():
         require_known(LogError, kind, key, keys, place)
         if not _fits(value, like := keys[key]):
-            said = f"one of {', '.join(like)}" if isinstance(like, tuple) else ""
-            said = said or _EXPECTED.get(type(like)) or f"a value such as {like!r}"
+            known = {str: "a text", float: "a finite number", bool: "true or false"}
+            said = known.get(type(like), f"a value such as {like!r}")
+            said = f"one of {', '.join(like)}" if isinstance(like, tuple) else said
+            said = f"a table such as {lines({key: like})[0]}" if isinstance(like, dict) else said
             own = f"{place}.{key}" if kind == "key" else f"{place}: {key}"
-            if isinstance(like, dict):
-                example = lines({key: like})[0]
-                raise LogError(f"{own}: a table is expected, such as {example}.")
             raise LogError(f"{own}: {said} is expected, got {value!r}.")
     return dict(table)
-
-
-_EXPECTED = {str: "a text", float: "a finite number", bool: "true or false"}
 
 
 def _fits(value: Any, like: Any) -> bool:
@@ -124,8 +119,7 @@ def _fits(value: Any, like: Any) -> bool:
     if isinstance(like, list):
         return all(_fits(one, like[0]) for one in _listed(value)) and value != []
     if isinstance(like, float):
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        return number and isfinite(value)
+        return is_real(value) and isfinite(value)
     return isinstance(value, Mapping if isinstance(like, dict) else type(like))
 
 
@@ -168,15 +162,12 @@ class ColumnRule:
         """
         total: FloatArray | float = self.offset
         for factor, name in zip(self.factors, self.sources, strict=True):
-            values = sources[name]
-            if self.empty is not None:
-                values = np.where(values == self.empty, np.nan, values)
+            values = np.where(sources[name] == self.empty, np.nan, sources[name])
             if self.sign_bit:
                 limit = float(1 << self.sign_bit)
                 values = np.where(values >= limit, limit - values, values)
             known = np.isfinite(values)
             if self.unwrap > 0.0 and known.any():
-                values = values.copy()
                 values[known] = np.unwrap(values[known], period=self.unwrap)
                 # Whole periods are free: the motion lies about zero, wherever the first row fell.
                 middle = 0.5 * (np.nanmin(values) + np.nanmax(values))
@@ -199,8 +190,7 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
         LogError: a key, name, unit, side or number that does not fit.
     """
     target = schema.today(target)
-    units = schema.column_units(target)
-    parts = schema.split_column(target)
+    units, parts = schema.column_units(target), schema.split_column(target)
     if units is None or parts is None:
         above = target.partition(".")[0] in SECTIONS
         hint = " Lines of other sections stand above the first [heading]." if above else ""
@@ -235,18 +225,14 @@ def _to_side(side: str, quantity: str, gears: Any, count: int, place: str) -> Fl
     Motor and joint are one side: where D mixes motors into joints, weights name all of them.
     """
     if gears is None:
-        raise LogError(
-            f"{place}.gear_ratio: side needs the gear ratio; add gear_ratio = N, or load with the "
-            "robot whose gears are meant."
-        )
+        way = "add gear_ratio = N, or load with the robot of these gears."
+        raise LogError(f"{place}.gear_ratio: side needs the gear ratio; {way}")
     numbers = _per_source(gears, count, f"{place}.gear_ratio")
     if not numbers.all():
         raise LogError(f"{place}.gear_ratio: a ratio of 0 is no gear.")
     if quantity not in _POWERS:
-        raise LogError(
-            f"{place}.side: a {quantity} has no side of the gear; leave the key out (use scale for "
-            "a plain factor)."
-        )
+        way = "leave the key out (use scale for a plain factor)."
+        raise LogError(f"{place}.side: a {quantity} has no side of the gear; {way}")
     behind = 0 if side == "rotor" else -1 if quantity.endswith("torque") else 1
     return np.asarray(numbers ** (_POWERS[quantity] + behind))
 
@@ -301,9 +287,8 @@ class RowChoice:
         """Return which of some rows match `where`, (rows,) bool; `keys` holds text columns."""
         kept = np.ones(rows, dtype=bool)
         for column, pattern in self.where.items():
-            matches = re.compile(translate(pattern)).match
-            values, inverse = np.unique(keys[column], return_inverse=True)
-            kept &= np.array([matches(str(value)) is not None for value in values])[inverse]
+            values = [one for one in np.unique(keys[column]) if fnmatchcase(str(one), pattern)]
+            kept &= np.isin(keys[column], values)
         return kept
 
 
@@ -342,7 +327,7 @@ def parse_column_map(
         LogError: an entry that does not fit; the message names the key.
     """
     label = path or "column map"
-    _checked(table, _SECTIONS, label, "section")
+    _checked(table, SECTIONS, label, "section")
     rows = _checked(table.get("rows", {}), _ROWS, f"{label}: rows")
     rows |= {"header": _listed(rows["header"])} if "header" in rows else {}
     where = rows.get("where", {})
@@ -437,27 +422,21 @@ def _entries(table: Mapping[str, Any], prefix: str, label: str) -> Iterator[tupl
 
 def _is_rule(name: str, value: Any) -> bool:
     """Whether a table is an entry, and not what unquoted names with dots nest."""
-    if not isinstance(value, Mapping):
-        return False
-    known = bool(value) and set(value) <= set(_RULE)
-    return known or schema.split_column(name) is not None or "from" in value
+    keys, named = {*value} if isinstance(value, Mapping) else None, schema.split_column(name)
+    return keys is not None and (bool(named) or "from" in keys or set() < keys <= {*_RULE})
 
 
 def _columns(before: Mapping[str, Any], mend: Mapping[str, Any]) -> dict[str, Any]:
     """Return the entries of [columns] that first read and then mend."""
-    mends = {name: entry if entry is False else _as_table(entry) for name, entry in mend.items()}
+    mends = {name: _as_table(entry) for name, entry in mend.items()}
     sources = {name: str(own.get("from", name)) for name, own in mends.items() if own is not False}
     entries = {name: entry for name, entry in before.items() if name not in sources.values()}
     for name, own in mends.items():
-        if own is False:
-            entries[name] = False
-            continue
-        old = _as_table(before.get(sources[name]) or {})
-        entry = _combined(old, own)
-        if entry.get("from", name) != name or sources[name] != name:
-            rest = {key: value for key, value in entry.items() if key != "from"}
-            entry = {"from": old.get("from", sources[name]), **rest}
-        entries[name] = entry
+        entries[name] = False
+        if own is not False:
+            old = _as_table(before.get(sources[name]) or {})
+            start = old.get("from", sources[name])
+            entries[name] = {**({} if start == name else {"from": start}), **_combined(old, own)}
     return entries
 
 
@@ -467,7 +446,7 @@ def _as_table(entry: Any) -> Any:
 
 
 def _combined(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
-    entry: dict[str, Any] = {**old, **{key: value for key, value in new.items() if key != "from"}}
+    entry: dict[str, Any] = {key: value for key, value in {**old, **new}.items() if key != "from"}
     for key in ("sign", "scale"):
         if key in old and key in new:
             entry[key] = old[key] * new[key]
@@ -475,7 +454,7 @@ def _combined(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
         # The period is counted in the unit of the file, the mend in that of the log.
         worth = schema.LOG_UNITS[schema.named_unit(str(old["unit"]))][1] if "unit" in old else 1.0
         entry["unwrap"] = float(f"{new['unwrap'] / abs(worth * old.get('scale', 1.0)):.10g}")
-    if "sign" in entry and entry["sign"] == 1:
+    if entry.get("sign") == 1:
         del entry["sign"]
     return entry
 
@@ -493,11 +472,10 @@ def lines(mend: Mend) -> list[str]:
     """Return a mend as lines of TOML that stand for themselves, one per entry."""
     found = []
     for section, content in mend.items():
-        if not isinstance(content, Mapping):
+        if isinstance(content, Mapping):
+            found += [f"{_key(section)}.{_key(k)} = {_value(v)}" for k, v in content.items()]
+        else:
             found.append(f"{_key(section)} = {_value(content)}")
-            continue
-        for key, value in content.items():
-            found.append(f"{_key(section)}.{_key(key)} = {_value(value)}")
     return found
 
 

@@ -88,16 +88,15 @@ def wraps(log: Log) -> list[LogFinding]:
     names = [n for n in log.names if n.endswith((".position", ".rotor_position"))]
     for name in names:
         values = log.column(name)
-        rows, steps = jumps(values)
         # Where samples are missing a joint that moves on jumps without any wrap.
-        sampled = ~np.isin(rows, holes)
-        rows, sizes = rows[sampled], np.abs(steps[sampled])
+        rows = np.setdiff1d(jumps(values), holes)
         if not rows.size:
             continue
+        sizes = np.abs(np.diff(values)[rows])
         bit = int(log2(max(1.0, values.max())))
         signed = ColumnRule(name, (name,), (1.0,), sign_bit=bit).value({name: values})
         counted = bit >= 8 and values.min() >= 0.0 and not (values % 1.0).any()
-        if counted and not jumps(signed)[0].size:
+        if counted and not jumps(signed).size:
             text = f"counts from {1 << bit} on mirror those below: bit {bit} is a sign."
             found.append(_suspected("wrap", name, text, {"columns": {name: {"sign_bit": bit}}}))
         elif np.ptp(sizes) <= _SAME_JUMP * (size := float(sizes.mean())):
@@ -125,24 +124,19 @@ def stale_rows(log: Log) -> list[LogFinding]:
     """
     names = [f"{joint}.position" for joint in log.with_quantity("position")]
     moving = [name for name in names if np.ptp(log.column(name)) > 0.0]
-    if not moving:
-        return []
-    values = np.stack([log.column(name) for name in moving], axis=1)
+    values = np.array([log.column(name) for name in moving]).reshape(-1, len(log)).T
     zero = np.all(values == 0.0, axis=1)
     at, rest = np.flatnonzero(zero), np.flatnonzero(~zero)
     if not 0 < at.size < _STALE_SHARE * len(log):
         return []
     # A joint that passes or rests at zero comes from near there, and not at twice its speed.
-    path = np.stack([np.interp(at, rest, column[rest]) for column in values.T], axis=1)
+    path = np.array([np.interp(at, rest, column[rest]) for column in values.T])
     steps = np.abs(np.diff(values[rest], axis=0)).max(axis=1)[np.diff(rest) == 1]
-    if np.median(np.abs(path).max(axis=1)) <= 2.0 * np.quantile(steps, _FASTEST):
+    if np.median(np.abs(path).max(axis=0)) <= 2.0 * np.quantile(steps, _FASTEST):
         return []
     mend = {"columns": {name: {"empty": 0.0, "missing": "drop_rows"} for name in moving}}
-    text = (
-        f"{at.size} of {len(log)} rows hold zero in {', '.join(moving)}, the first at row {at[0]}, "
-        "though the joints are elsewhere before and after: no measurements, but those of a second "
-        "publisher or of a driver that starts."
-    )
+    text = f"{at.size} of {len(log)} rows hold zero in {', '.join(moving)}, the first at row "
+    text += f"{at[0]}, while the joints are elsewhere: of a second publisher or a driver's start."
     return [LogFinding("error", "stale", moving[0], text, "To drop them, " + say_so(mend), mend)]
 
 
@@ -154,32 +148,28 @@ def magnitudes(logs: Sequence[Log]) -> list[LogFinding]:
     """
     names = reported(logs[0].columns if logs else ())
     held = {name: [log.column(name) for log in logs if log.has(name)] for name in names}
-    known = {name: values for name, values in held.items() if any(map(np.any, values))}
-    folds = mirrored([v for each in known.values() for v in each])
+    known = [name for name, values in held.items() if any(map(np.any, values))]
+    folds = mirrored([values for name in known for values in held[name]])
     if not folds:
         return []
-    listed = ", ".join(known)
-    out = {"columns": {name: False for name in known}}
-    text = (
-        f"{listed} {'is' if len(known) == 1 else 'are'} never below zero and mirrored there "
-        f"{folds} times: a magnitude without sign, which is no torque."
-    )
+    text = f"{', '.join(known)} {'is' if len(known) == 1 else 'are'} never below zero and mirrored "
+    text += f"there {folds} times: a magnitude without sign, which is no torque."
     way = (
         "Record the current or torque with its sign (servos keep it in a bit of its own). If the "
         "targets of the drives are recorded, they make the torque: state kp and kd in robot.toml, "
-        f"map the targets, and {say_so(out, 'leave the magnitudes out')}"
+        "map the targets, and "
+        + say_so({"columns": dict.fromkeys(known, False)}, "leave the magnitudes out")
     )
-    return [LogFinding("error", "torque_magnitude", next(iter(known)), text, way)]
+    return [LogFinding("error", "torque_magnitude", known[0], text, way)]
 
 
 def mirrored(torques: Sequence[FloatArray]) -> int:
     """Return how often torques of one kind are mirrored at zero, 0 if they have a sign."""
     moved = [values for values in torques if np.any(values)]
-    if any(values.min() < 0.0 < values.max() for values in moved):
+    if len({end for v in moved for end in np.sign([v.min(), v.max()]).tolist()} - {0.0}) != 1:
         return 0
     folds = sum(_folds(np.abs(values)) for values in moved)
-    one_side = len({bool(values.max() > 0.0) for values in moved}) == 1
-    return folds if one_side and folds >= _FOLDS else 0
+    return folds if folds >= _FOLDS else 0
 
 
 def _folds(values: FloatArray) -> int:
@@ -244,14 +234,12 @@ def motion_findings(logs: Sequence[Log], ratios: Mapping[str, float]) -> list[li
         probability = float(expit(sum(odds - EVERYWHERE for *_, odds in group) + EVERYWHERE))
         for k in dict.fromkeys(number for number, *_ in group):
             _, joints, scales, mends, _ = zip(*(one for one in group if one[0] == k), strict=True)
-            text = f"the time stamps are {logs[k].sample_time:g} s apart, too far for the motion"
-            if all(joints):
-                names = listed([f"'{joint}.velocity'" for joint in joints])
-                times = listed([f"{scale:.4g}" for scale in scales])
-                verb = "is" if len(joints) == 1 else "are"
-                text = f"{names} {verb} {times} times the derivative of the position: {said}?"
-            else:
-                text += f" of a robot: {said}?"
+            names = listed([f"'{joint}.velocity'" for joint in joints])
+            verb, times = "is" if len(joints) == 1 else "are", listed([f"{x:.4g}" for x in scales])
+            text = f"{names} {verb} {times} times the derivative of the position: {said}?"
+            if not all(joints):
+                text = f"the time stamps are {logs[k].sample_time:g} s apart, too far for the "
+                text += f"motion of a robot: {said}?"
             mend = together(mends)
             column = next(iter(mend.get("columns", {"time": None})))
             found[k].append(_suspected(kind, column, text, mend, probability))
@@ -283,12 +271,8 @@ def slow_clock(log: Log) -> tuple[float, str]:
 def _fastest(log: Log) -> float:
     """Return the highest speed of any joint between rows far apart: no noise, no resolution."""
     places = np.unique(np.linspace(0, len(log) - 1, _SPEED_ROWS).astype(int))
-    steps = np.diff(log.time[places])
-    moved = [
-        np.abs(np.diff(log.column(f"{joint}.position")[places])) / steps
-        for joint in log.with_quantity("position")
-    ]
-    return float(np.max(moved)) if moved and steps.size else 0.0
+    moved = np.diff(log.stack("position")[places], axis=0)
+    return float(np.max(np.abs(moved) / np.diff(log.time[places])[:, None], initial=0.0))
 
 
 def _log_density(scale: float, mend: Mend) -> float:

@@ -10,7 +10,6 @@ from math import factorial
 
 import numpy as np
 import pinocchio as pin
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy import sparse
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import PchipInterpolator
@@ -109,19 +108,17 @@ def local_polynomial_operator(
     """
     size, step = WINDOW_SAMPLES, float(np.median(np.diff(time)))
     first = np.clip(np.arange(time.size) - size // 2, 0, time.size - size)
-    windows = sliding_window_view(time, size)
+    columns = first[:, None] + np.arange(size)
     weights = np.empty((time.size, size))
     for start in range(0, time.size, _ROWS_AT_ONCE):
         rows = slice(start, start + _ROWS_AT_ONCE)
-        offsets = windows[first[rows]] - time[rows, None]
+        offsets = time[columns[rows]] - time[rows, None]
         # On an even grid all windows inside are alike.
         inner = offsets[len(offsets) // 2]
         other = np.abs(offsets - inner).max(axis=1) > _ALIKE * size * step
         weights[rows] = _weights(inner[None], degree, derivative)
         weights[rows][other] = _weights(offsets[other], degree, derivative)
-    columns = first[:, None] + np.arange(size)
-    pointers = np.arange(0, time.size * size + 1, size)
-    shape = (time.size, time.size)
+    pointers, shape = np.arange(0, time.size * size + 1, size), (time.size, time.size)
     return sparse.csr_array((weights.ravel(), columns.ravel(), pointers), shape=shape)
 
 
@@ -133,10 +130,9 @@ def _weights(offsets: FloatArray, degree: int, derivative: int) -> FloatArray:
     powers = scaled[:, :, None] ** np.arange(degree + 1)
     weighted = powers * kernel[:, :, None]
     normal = np.einsum("rsp,rsq->rpq", weighted, powers)
-    unit = np.zeros((1, degree + 1, 1))
-    unit[0, derivative, 0] = factorial(derivative)
-    combination = np.linalg.solve(normal, np.broadcast_to(unit, (*normal.shape[:2], 1)))
-    values = np.einsum("rsp,rp->rs", weighted, combination[:, :, 0])
+    unit = np.zeros((len(normal), degree + 1, 1))
+    unit[:, derivative] = factorial(derivative)
+    values = (weighted @ np.linalg.solve(normal, unit))[:, :, 0]
     return np.asarray(values / reach**derivative)
 
 
@@ -253,8 +249,7 @@ def fit_velocity(
         spread = float(1.4826 * np.median(np.abs(np.array(delays) - lag)) / np.sqrt(len(delays)))
     filtered = False
     if lag > _FILTER_SAMPLES * float(np.median(np.diff(time))):
-        inside = time + lag <= time[-1]
-        delayed = np.interp(time + lag, time, integral)
+        inside, delayed = time + lag <= time[-1], np.interp(time + lag, time, integral)
         other = _regress(*(x[inside] for x in (time, position, delayed)))
         filtered = other is not None and residual < 0.5 * other[2]
     return VelocityFit(float(1.0 / inverse), lag, spread, correlation, filtered)
@@ -284,13 +279,12 @@ def _regress(
 
 def velocity_fits(log: Log) -> dict[str, VelocityFit]:
     """Return the relation of velocity to position of every joint that has both and moves."""
-    fits: dict[str, VelocityFit] = {}
+    fits = dict[str, VelocityFit]()
     for joint in log.with_quantity("position"):
-        if not log.has(f"{joint}.velocity"):
+        position, velocity = (log.columns.get(f"{joint}.{q}") for q in ("position", "velocity"))
+        if position is None or velocity is None or jumps(position).size:  # it wraps
             continue
-        position, velocity = (log.column(f"{joint}.{q}") for q in ("position", "velocity"))
-        wraps = jumps(position)[0].size
-        if not wraps and (fit := fit_velocity(log.time, position, velocity)):
+        if fit := fit_velocity(log.time, position, velocity):
             fits[joint] = fit
     return fits
 
@@ -321,8 +315,7 @@ def align_velocity(log: Log, late: Mapping[str, VelocityFit] | None = None) -> L
     """
     late = late_velocities(log) if late is None else late
     own = {f"{joint}.velocity": fit for joint, fit in late.items()}
-    filtered = {name: fit.delay for name, fit in own.items() if fit.filtered}
-    if filtered:
+    if filtered := {name: fit.delay for name, fit in own.items() if fit.filtered}:
         slope = local_polynomial_operator(log.time, derivative=1)
         held = {name: log.column(name) for name in filtered}
         log = log.with_columns({n: v + filtered[n] * (slope @ v) for n, v in held.items()})
@@ -346,9 +339,8 @@ def shifted(log: Log, lags: Mapping[str, float]) -> Log:
         return log
     early, late = min([0.0, *lags.values()]), max([0.0, *lags.values()])
     if late - early >= 0.5 * log.duration:
-        raise LogError(
-            f"{log.source.label}: a delay of {max(late, -early):g} s is as long as the log."
-        )
+        worst = f"{max(late, -early):g} s"
+        raise LogError(f"{log.source.label}: a delay of {worst} is as long as the log.")
     kept = log.between(log.time[0] - early, log.time[-1] - late + 1e-12)
     columns = {name: PchipInterpolator(log.time, log.column(name)) for name in lags}
     return kept.with_columns({name: own(kept.time + lags[name]) for name, own in columns.items()})
@@ -381,14 +373,12 @@ def turned(log: Log, names: Sequence[str], lag: float) -> Log:
     return kept.with_columns(columns)
 
 
-def jumps(values: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return (rows, sizes) of steps far beyond every usual step of a channel.
+def jumps(values: FloatArray) -> IntArray:
+    """Return the rows (n,) after which a channel steps far beyond every usual step.
 
     A jump is a step of at least 20 times the 99th percentile and a quarter of the range. The last
     digit of a sensor at rest flickers: its step is usual, however rare it is.
     """
-    steps = np.diff(values)
-    size = np.abs(steps)
+    size = np.abs(np.diff(values))
     usual = max(float(np.quantile(size, 0.99)), float(np.min(size[size > 0.0], initial=np.inf)))
-    rows = np.flatnonzero((size > 20.0 * usual) & (size > 0.25 * np.ptp(values)))
-    return rows, np.asarray(steps[rows])
+    return np.flatnonzero((size > 20.0 * usual) & (size > 0.25 * np.ptp(values)))

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from csv import writer
 from importlib.util import find_spec
 from io import StringIO
+from itertools import product
 from pathlib import Path
 from typing import Any, BinaryIO
 from zipfile import BadZipFile
@@ -27,10 +28,7 @@ from wbc.measurement.schema import TIME, is_column
 from wbc.measurement.tables import Table, columns_of, read_text_file
 
 _TEXT = (".csv", ".tsv", ".txt", ".dat", ".data", ".log", ".asc")
-_FORMATS = (
-    ".csv (also .csv.gz, .tsv, .txt, .dat), .parquet, .npz, .mcap, .db3, or the folder of a "
-    "rosbag2 recording"
-)
+_FORMATS = ".csv (also .csv.gz, .tsv, .txt, .dat), .parquet, .npz, .mcap, .db3, or a rosbag2 folder"
 _WRITTEN = (".csv", ".parquet", ".npz")
 _DAMAGE = (OSError, BadZipFile, ValueError, EOFError, ZlibError)
 _COPIES = 6  # of a file that reading holds in memory: bytes, text, and the parsed columns
@@ -63,10 +61,8 @@ def _read(path: Path, topic: str, header: Sequence[str]) -> Table:
     if suffix in (".mcap", ".db3") or (path.is_dir() and (path / "metadata.yaml").is_file()):
         return read_bag(path, topic)
     if path.is_dir():
-        raise LogError(
-            f"'{path}' is a folder, but no rosbag2 recording (no metadata.yaml); give the files "
-            "in it, of a LeRobot dataset the Parquet files in its folder data."
-        )
+        way = "give the files in it, of a LeRobot dataset the Parquet files in its folder data."
+        raise LogError(f"'{path}' is a folder, but no rosbag2 recording (no metadata.yaml); {way}")
     if (size := path.stat().st_size) == 0:
         raise LogError(f"'{path}' is empty.")
     if size * _COPIES > memory():
@@ -105,11 +101,9 @@ def _side_by_side(table: Table) -> Table:
         stands = np.array_equal(stamps[:rows], np.repeat(stamps[:rows:n], n))
         if stands and np.array_equal(cells[:rows], np.tile(turn, rows // n)):
             columns, units = {clock: stamps[:rows:n]}, dict(table.units)
-            for other in (one for one in others if one != name):
-                values = np.asarray(table.columns[other])
-                own = {f"{other}_{one}": values[k:rows:n] for k, one in enumerate(turn)}
-                columns |= own
-                units |= dict.fromkeys(own, table.units[other]) if other in table.units else {}
+            for other, (k, one) in product([o for o in others if o != name], enumerate(turn)):
+                columns[f"{other}_{one}"] = np.asarray(table.columns[other])[k:rows:n]
+                units |= {f"{other}_{one}": table.units[other]} if other in table.units else {}
             said = f"rows take turns by {name} ({', '.join(map(str, turn))}): put side by side."
             return Table(table.path, columns, units, (*table.notes, said))
     return table
@@ -118,7 +112,7 @@ def _side_by_side(table: Table) -> Table:
 def _files(path: Path) -> list[Path]:
     """Return the files of `A+B`, which are one run on one clock."""
     parts = [Path(part) for part in str(path).split("+")]
-    return parts if len(parts) > 1 and all(part.exists() for part in parts) else [path]
+    return parts if all(part.exists() for part in parts) else [path]
 
 
 def _joined(path: Path, first: Table, others: Sequence[Table]) -> Table:
@@ -130,18 +124,16 @@ def _joined(path: Path, first: Table, others: Sequence[Table]) -> Table:
     Raises:
         LogError: a table without a column that looks like a clock.
     """
-    for table in (first, *others):
-        if not table.clocks:
-            raise LogError(
-                f"{table.path}: no column looks like a clock, so nothing can be put beside."
-            )
+    for timeless in (table.path for table in (first, *others) if not table.clocks):
+        raise LogError(f"{timeless}: no column looks like a clock, so nothing can be put beside.")
     columns, notes = dict(first.columns), list(first.notes)
     time = first.numbers(first.clocks[0])
-    for table in others:
+    called = (Path(table.path.name.removesuffix(".gz")).stem for table in (first, *others))
+    ours, *words = (re.findall("[A-Za-z0-9]+", name) for name in called)
+    for table, theirs in zip(others, words, strict=True):
         clock = table.clocks[0]
         rows = np.searchsorted(table.numbers(clock), time, side="right") - 1
-        theirs = [word for word in _words_of(table.path) if word not in _words_of(first.path)]
-        prefix = "_".join(theirs) or "other"
+        prefix = "_".join(word for word in theirs if word not in ours) or "other"
         for name in table.names:
             if name != clock and table.holds_numbers(name):
                 values = table.numbers(name)[np.maximum(rows, 0)]
@@ -150,17 +142,13 @@ def _joined(path: Path, first: Table, others: Sequence[Table]) -> Table:
     return Table(path, columns, first.units, tuple(notes))
 
 
-def _words_of(path: Path) -> list[str]:
-    return re.findall(r"[A-Za-z0-9]+", re.sub(r"(\.gz)?$", "", path.name).rpartition(".")[0])
-
-
 def digest(path: Path) -> str:
     """Return the SHA-256 of a file, or of the digests of all files that a log is read from."""
-    parts = [sorted(p.rglob("*")) if p.is_dir() else [p] for p in _files(path)]
     each = []
-    for part in (part for own in parts for part in own if part.is_file()):
-        with part.open("rb") as file:
-            each.append(hashlib.file_digest(file, "sha256").hexdigest())
+    for part in (one for own in _files(path) for one in (own, *sorted(own.rglob("*")))):
+        if part.is_file():
+            with part.open("rb") as file:
+                each.append(hashlib.file_digest(file, "sha256").hexdigest())
     return each[0] if path.is_file() else hashlib.sha256("".join(each).encode("ascii")).hexdigest()
 
 
@@ -171,12 +159,9 @@ def _read_parquet(path: Path) -> Table:
     try:
         table = pq.ParquetFile(path).read()
     except (OSError, pa.ArrowException) as cause:
-        raise LogError(
-            f"cannot read '{path}' as Parquet: {cause}. The file is cut off or damaged, or of "
-            "another format; copy it again, or export it as CSV."
-        ) from cause
-    arrays = dict(zip(table.column_names, table.columns, strict=True))
-    return Table(path, columns_of(arrays, path))
+        way = "Is it damaged, or of another format? Copy it again, or export it as CSV."
+        raise LogError(f"cannot read '{path}' as Parquet: {cause}. {way}") from cause
+    return Table(path, columns_of(dict(zip(table.column_names, table.columns, strict=True)), path))
 
 
 def _read_npz(path: Path) -> Table:
@@ -197,12 +182,11 @@ def _read_npz(path: Path) -> Table:
     kept = {}
     for name, array in arrays.items():
         turned = array.T if array.ndim == 2 and rows == array.shape[1] != len(array) else array
-        if turned.ndim > 2 and len(turned) == rows:
-            raise LogError(
-                f"'{path}': '{name}' has shape {array.shape}, expected (rows,) or (rows, columns)."
-            )
         if turned.ndim and len(turned) == rows:
             kept[name] = turned[:, 0] if turned.shape[1:] == (1,) else turned
+            if turned.ndim > 2:
+                shapes = f"{array.shape}, expected (rows,) or (rows, columns)"
+                raise LogError(f"'{path}': '{name}' has shape {shapes}.")
     others = [f"{name} {arrays[name].shape}" for name in arrays if name not in kept]
     notes = [f"arrays without {rows} rows were passed over: {', '.join(others)}."] if others else ()
     return Table(path, columns_of(kept, path), notes=tuple(notes))
@@ -268,14 +252,10 @@ def read_bag(path: Path, topic: str) -> Table:
             message lacks joints of the first.
     """
     if find_spec("rosbags") is None:
-        raise LogError(
-            f"reading the bag '{path}' needs the package rosbags; install it with: "
-            f"pip install {' '.join(EXTRAS['rosbags'])}"
-        )
-    rows: list[list[float]] = []
-    joints: list[str] = []
-    fields: list[str] = []
-    stamps: list[int] = []
+        way = f"install it with: pip install {' '.join(EXTRAS['rosbags'])}"
+        raise LogError(f"reading the bag '{path}' needs the package rosbags; {way}")
+    rows, stamps = list[list[float]](), list[int]()
+    joints, fields = list[str](), list[str]()
     with _opened(path) as bag:
         chosen = _topic(bag, path, topic)
         wanted = [c for c in bag.connections if c.topic == chosen]
@@ -290,8 +270,8 @@ def read_bag(path: Path, topic: str) -> Table:
             if missing or any(len(getattr(message, f)) != len(place) for f in fields):
                 raise LogError(
                     f"{path}: the message of '{chosen}' at {(stamps[-1] - stamps[0]) * 1e-9:.6f} s "
-                    f"lacks {', '.join(missing) or 'values'} of the first message; several "
-                    "publishers share the topic? Record them on topics of their own."
+                    f"lacks {', '.join(missing) or 'values'} of the first one. If several "
+                    "publishers share the topic, record them on topics of their own."
                 )
             rows.append([float(getattr(message, f)[place[j]]) for j in joints for f in fields])
     if not rows:
@@ -307,10 +287,8 @@ def _topic(bag: Any, path: Path, topic: str) -> str:
         there = ", ".join(f"{c.topic} ({c.msgtype})" for c in bag.connections) or "no topic"
         raise LogError(f"{path}: no topic of type {_TYPE}, which a log is read from, but {there}.")
     if not topic and len(topics) > 1:
-        raise LogError(
-            f"{path} has several JointState topics ({', '.join(topics)}); "
-            + say_so({"rows": {"topic": topics[0]}}, "choose one, such as the first,")
-        )
+        way = say_so({"rows": {"topic": topics[0]}}, "choose one, such as the first,")
+        raise LogError(f"{path} has several JointState topics ({', '.join(topics)}); {way}")
     chosen = topic or topics[0]
     require_known(LogError, "JointState topic", chosen, topics, str(path))
     return chosen
@@ -331,7 +309,6 @@ def _opened(path: Path) -> Iterator[Any]:
         with AnyReader([path], default_typestore=types) as bag:
             yield bag
     except damage as cause:
-        raise LogError(
-            f"cannot read the bag '{path}': {str(cause) or type(cause).__name__}. Was the "
-            "recording cut off? The tools of its format can often repair the index."
-        ) from cause
+        said = f"cannot read the bag '{path}': {str(cause) or type(cause).__name__}."
+        way = "Was the recording cut off? The tools of its format can often repair the index."
+        raise LogError(f"{said} {way}") from cause

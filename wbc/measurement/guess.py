@@ -68,8 +68,7 @@ def guess_names(
         LogError: a file that cannot be read, without anything like a position or velocity, or whose
             clock lost its digits.
     """
-    given = dict(start or {})
-    table = guess_table(path, given)
+    given, table = dict(start or {}), guess_table(path, start)
     # What the motor does comes last: where the joint's own motion is there, too, it counts.
     guesses = sorted(guess_names_of(table.names), key=lambda g: g.rotor and g.quantity in MOTION)
     # A motor on a test bench is often recorded by its speed alone.
@@ -85,11 +84,8 @@ def guess_names(
     read = [g for g in guesses if table.holds_numbers(g.name)]
     found = channels(read, whose)
     used = {g.owner for g in read if g.name in [entry["from"] for entry in found.values()]}
-    reasons = [
-        f"{theirs or 'the columns'}: joint {ours}, {why}"
-        for theirs, (ours, why) in named.items()
-        if theirs in used
-    ]
+    joined = {theirs: f"joint {ours}, {why}" for theirs, (ours, why) in named.items()}
+    reasons = [f"{one or 'the columns'}: {told}" for one, told in joined.items() if one in used]
     columns: dict[str, Any] = {n: entry for n, entry in found.items() if entry["from"] != n}
     mapped: dict[str, Any] = {"columns": columns} if columns else {}
     mapped = merged(mapped if "time" in given else mapped | _clock(table), given)
@@ -104,14 +100,12 @@ def guess_names(
         for name in torques:
             held[name.rpartition(".")[0]] -= set(REPORTED)
         mapped = merged(mapped, {"columns": dict.fromkeys(torques, False)})
-        reasons.append(
-            f"{', '.join(torques)}: left out, magnitudes without sign; the targets make the torque"
-        )
+        why = "left out, magnitudes without sign; the targets make the torque"
+        reasons.append(f"{', '.join(torques)}: {why}")
     driven = tuple(joint for joint, quantities in held.items() if quantities & set(REPORTED))
     followed = tuple(j for j in held if "target_position" in held[j] and j not in driven)
-    passive = [joint for joint in held if driven and joint not in (*driven, *followed)]
-    if passive:
-        reasons.append(f"{', '.join(passive)}: no torque or current, so taken for without a drive")
+    if passive := ", ".join(j for j in held if driven and j not in (*driven, *followed)):
+        reasons.append(f"{passive}: no torque or current, so taken for without a drive")
     unseen = tuple(joint for joint in joints if (place or "position") not in held.get(joint, ()))
     return MapGuess(mapped, tuple(reasons), driven, followed, unseen)
 
@@ -144,9 +138,9 @@ def _number(name: str) -> str:
     return next(iter(re.findall(r"\d+", name)[::-1]), "")
 
 
-def guess_table(path: str | Path, start: Mapping[str, Any]) -> Table:
+def guess_table(path: str | Path, start: Mapping[str, Any] | None) -> Table:
     """Return the file that a guess is made of, with what a map says of its rows."""
-    rows = parse_column_map({"rows": start.get("rows", {})}).rows
+    rows = parse_column_map({"rows": (start or {}).get("rows", {})}).rows
     return open_table(split_path(path)[0], rows)
 
 
@@ -178,11 +172,8 @@ def _parts(table: Table, mapped: Mapping[str, Any]) -> Mend:
             if not guess_name(name).quantity and np.all(keys[back] != keys[back + 1]):
                 return {"rows": {"split": name}}
         return {}
-    columns = {
-        entry["from"]: table.numbers(entry["from"])
-        for entry in mapped.get("columns", {}).values()
-        if isinstance(entry, dict) and isinstance(entry.get("from"), str)
-    }
-    if not columns:
-        columns = {n: table.numbers(n) for n in table.names if guess_name(n).quantity in MOTION}
+    entries = [entry for entry in mapped.get("columns", {}).values() if isinstance(entry, dict)]
+    names = [entry["from"] for entry in entries if isinstance(entry.get("from"), str)]
+    names = names or [n for n in table.names if guess_name(n).quantity in MOTION]
+    columns = {name: table.numbers(name) for name in names}
     return repeated_mend(time, columns, np.arange(time.size), str(table.path))

@@ -286,10 +286,7 @@ def _checked_series(values: ArrayLike, name: str, rows: int | None, label: str) 
     if rows is not None and array.size != rows:
         raise LogError(f"{label}: column '{name}' has {array.size} rows, time has {rows}.")
     series = array if _unwritable(array) else frozen(array)
-    # A sum is finite unless an entry is not (or it overflows): no mask array for the usual case.
-    with np.errstate(over="ignore", invalid="ignore"):
-        total = float(np.sum(series))
-    if not np.isfinite(total) and not np.isfinite(series).all():
+    if not np.isfinite(series).all():
         raise LogError(f"{label}: {hole(name, series, 'drop_rows')}")
     return series
 
@@ -307,14 +304,8 @@ def hole(name: str, values: FloatArray, missing: str) -> str:
 
 def _unwritable(array: NDArray[Any]) -> bool:
     """Whether an array and everything it is a view of are read-only float64."""
-    if array.dtype != np.float64:
-        return False
-    owner: object = array
-    while isinstance(owner, np.ndarray):
-        if owner.flags.writeable:
-            return False
-        owner = owner.base
-    return owner is None
+    owned = array.base is None or (isinstance(array.base, np.ndarray) and _unwritable(array.base))
+    return array.dtype == np.float64 and not array.flags.writeable and owned
 
 
 @dataclass(frozen=True)
@@ -397,10 +388,9 @@ def cut_at_gaps(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
             whole.append(log)
             continue
         widths, at = log.time[cuts + 1] - log.time[cuts], log.time[cuts[0]]
-        where = f"samples are missing for {widths[0]:.3g} s at {at:.3f} s"
-        if cuts.size > 1:
-            where = f"samples are missing in {cuts.size} places, first for {widths[0]:.3g} s at "
-            where += f"{at:.3f} s, at most for {widths.max():.3g} s"
+        places = f"in {cuts.size} places, at most for {widths.max():.3g} s, first "
+        places = places if cuts.size > 1 else ""
+        where = f"samples are missing {places}for {widths[0]:.3g} s at {at:.3f} s"
         long = [piece for piece in _pieces(log, cuts) if piece.duration >= _LEAST_DURATION]
         kept = sum(map(len, long))
         if kept < 0.5 * len(log):

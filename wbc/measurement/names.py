@@ -32,13 +32,8 @@ _QUANTITIES = {
         "temperature": "temp temperature",
     }.items()
 }
-_OF_KINDS = {
-    "rad": "position",
-    "rad/s": "velocity",
-    "m/s": "velocity",
-    "N m": "motor_torque",
-    "A": "current",
-}
+_OF_KINDS = {"rad": "position", "rad/s": "velocity", "m/s": "velocity"}
+_OF_KINDS |= {"N m": "motor_torque", "A": "current"}
 """What a unit measures -> the quantity that a name without one means."""
 _VECTORS = {("observation", "state"): "position", ("action",): "target_position"}  # LeRobot's
 _TARGETS = {"cmd", "ref", "des", "desired", "target", "goal", "command", "commanded", "set"}
@@ -69,23 +64,21 @@ class NameGuess:
 
 def guess_name(name: str) -> NameGuess:
     """Return what a name suggests; a name of the schema says what it is."""
-    native = split_column(name)
-    if native is not None:
+    if native := split_column(name):
         return NameGuess(name, native[1], "", native[0])
     said = name.replace("°", "deg")
     unit, left = _unit(said)
     quantity, rest = _quantity(left)
-    if not quantity and unit:
-        quantity = _OF_KINDS.get(LOG_UNITS[unit][0], "")
-    if unit and LOG_UNITS[unit][0] not in {TIME: ("s",), **JOINT_QUANTITIES}.get(quantity, ()):
+    kind = LOG_UNITS[unit][0] if unit else ""
+    quantity = quantity or _OF_KINDS.get(kind, "")
+    if unit and kind not in {TIME: ("s",), **JOINT_QUANTITIES}.get(quantity, ()):
         unit = ""  # a word that only looks like one: the v of hip_v
         quantity, rest = _quantity(_words(said))
     if quantity and _OF_OTHERS & set(rest):
         quantity = ""
     if quantity and _TARGETS & set(rest) and not _MEASURED & set(rest):
         quantity = f"target_{quantity}" if quantity in ("position", "velocity") else ""
-    owner = _owner(rest)
-    return NameGuess(name, quantity, unit, owner, bool({"motor", "rotor"} & set(rest)))
+    return NameGuess(name, quantity, unit, _owner(rest), bool({"motor", "rotor"} & set(rest)))
 
 
 def guess_names_of(names: Sequence[str]) -> list[NameGuess]:
@@ -128,20 +121,16 @@ def joints_of(owners: Sequence[str], joints: Sequence[str]) -> dict[str, tuple[s
     told = all(len(m) == 1 for m in met) and len(set(met)) == len(met)
     others = {fitting[o][0] for o in owners if o not in counting and len(fitting[o]) == 1}
     counted = bool(counting) and not told and len(counting) >= len(joints) - len(others)
-    named: dict[str, tuple[str, str]] = {}
-
-    def left() -> list[str]:
-        return [j for j in joints if j not in [joint for joint, _ in named.values()]]
-
+    named, left = dict[str, tuple[str, str]](), list(joints)
     for owner in owners:
-        free = [j for j in fitting[owner] if j in left()]
+        free = [j for j in fitting[owner] if j in left]
         if len(free) == 1 and (told or owner not in counting):
             named[owner] = (free[0], "by its name")
+            left.remove(free[0])
     # What is left beside a series that was counted is no joint.
     why = "by its number along the chain" if counted else "by its place in the file"
     unnamed = [owner for owner in (counting if counted else owners) if owner not in named]
-    named |= {owner: (joint, why) for owner, joint in zip(unnamed, left(), strict=False)}
-    return named
+    return named | {owner: (joint, why) for owner, joint in zip(unnamed, left, strict=False)}
 
 
 def channels(guesses: Sequence[NameGuess], whose: Mapping[str, str]) -> dict[str, dict[str, str]]:
@@ -202,34 +191,32 @@ def unread(ignored: Sequence[str], missing: Sequence[str]) -> tuple[str, Mend]:
     }
     found: dict[str, tuple[str, dict[str, str]]] = {}
     for name, entry in channels(fitting, whose).items():
-        if (parts := split_column(name)) in wanted and parts is not None:
+        if (parts := split_column(name)) in wanted and parts:
             found.setdefault(parts[0], (name, entry))
-    mend = {"columns": dict(found.values())} if found else {}
     names = [entry["from"] for _, entry in found.values()] or ignored
     quoted = ", ".join(f"'{name}'" for name in names)
     told = f"Column {quoted} was" if len(names) == 1 else f"Columns {quoted} were"
-    if mend:
+    if found:
+        mend = {"columns": dict(found.values())}
         missed = f"{', '.join(mend['columns'])} {'is' if len(found) == 1 else 'are'}"
         return f"{told} not read, and {missed} missing. If they are the same, {say_so(mend)}", mend
     if not ignored or not missing:
         return "", {}
     first = {joint: f"{joint}.{quantity}" for joint, quantity in reversed(wanted)}
-    return (
-        f"{told} not read, for want of a known name. {asked(ignored, [first[j] for j in joints])}",
-        {},
-    )
+    way = asked(ignored, [first[joint] for joint in joints])
+    return f"{told} not read, for want of a known name. {way}", {}
 
 
 def asked(names: Sequence[str], channels: Sequence[str]) -> str:
     """Return what to say if columns without a known name hold some channels along the chain."""
     counting = series(names)
-    if len(counting) < len(channels):
-        counting, channels = ["COLUMN"], channels[:1]
-        way = f"If {channels[0]} is there, put the name of its column in place of COLUMN, and "
-    else:
+    pairs = dict(zip(channels, counting, strict=False))
+    way = f"If {channels[0]} is there, put the name of its column in place of COLUMN, and "
+    if len(pairs) == len(channels):
         way = f"If {counting[0]} to {counting[-1]} are {channels[0]} and so on along the chain, "
-    pairs = zip(channels, counting, strict=False)
-    return way + say_so({"columns": {channel: {"from": name} for channel, name in pairs}})
+    else:
+        pairs = {channels[0]: "COLUMN"}
+    return way + say_so({"columns": {channel: {"from": name} for channel, name in pairs.items()}})
 
 
 def _words(name: str) -> list[str]:
@@ -246,8 +233,7 @@ def _unit(name: str) -> tuple[str, list[str]]:
     for bracket in re.finditer(r"[\[(]([^\])]+)[\])]", name):
         if (unit := named_unit(bracket[1])) in _NAMED:
             return unit, _words(name[: bracket.start()] + " " + name[bracket.end() :])
-    numbered = re.fullmatch(r"(.*[A-Za-z])(\W|_)([0-9]+)", name)
-    if numbered:
+    if numbered := re.fullmatch(r"(.*[A-Za-z])(\W|_)([0-9]+)", name):
         unit, left = _unit(numbered[1])
         if len(unit) > 1:
             return unit, [*left, numbered[3]]

@@ -52,8 +52,8 @@ def load_log(
             f"load_logs. There are: {', '.join(log.source.part for log in logs)}."
         )
     if not logs[0].columns:
-        why = next(iter(logs[0].source.unusable.values()), "every column is empty.")
-        raise LogError(f"{logs[0].source.label}: {why}")
+        why = [*logs[0].source.unusable.values(), "every column is empty."]
+        raise LogError(f"{logs[0].source.label}: {why[0]}")
     return logs[0]
 
 
@@ -125,14 +125,8 @@ def _load(path: str | Path, columns: ColumnMap) -> list[Log]:
     file, pattern = split_path(path)
     table = open_table(file, columns.rows)
     rules, ignored, notes = _patched(columns, table)
-    source = LogSource(
-        str(file),
-        digest(file),
-        mapping=rules.path,
-        ignored=ignored,
-        notes=(*table.notes, *notes),
-        trusted=rules.trusted,
-    )
+    notes, trusted = (*table.notes, *notes), rules.trusted
+    source = LogSource(str(file), digest(file), "", rules.path, ignored, notes, trusted=trusted)
     time = clock_of(table, rules.time)
     return [
         _log(table, rules, rows, time[rows], replace(source, part=part))
@@ -148,7 +142,6 @@ def _log(
     Raises:
         LogError: nothing is left, or what is left is no log (see `Log`).
     """
-    count, label = rows.size, source.label
     block, (first, last) = dict[str, FloatArray](), rules.rows.between
     kept = (time >= first) & (time <= last)
     for rule in rules.rules:
@@ -156,24 +149,20 @@ def _log(
         known = np.isfinite(values)
         if rule.missing == "bridge" and known.any():  # but for the ends
             values = np.interp(time, time[known], values[known], left=np.nan, right=np.nan)
-        if rule.missing in ("bridge", "drop_rows"):
-            kept &= ~np.isnan(values)
+        kept &= ~np.isnan(values) | (rule.missing == "when_needed")
         block[rule.target] = values
     if not kept.any():
-        raise LogError(f"{label}: no rows ({count} read, {count} dropped).")
+        raise LogError(f"{source.label}: no rows ({rows.size} read, {rows.size} dropped).")
     block = {name: column[kept] for name, column in block.items()}
-    time, apart = advancing(time[kept], block, rules.time.repeated, rows[kept], label)
+    time, apart = advancing(time[kept], block, rules.time.repeated, rows[kept], source.label)
     block = {name: column[apart] for name, column in block.items()}
     empty = {name for name, column in block.items() if np.isnan(column).all()}
     columns = {name: column for name, column in block.items() if np.isfinite(column).all()}
     unusable = {n: column for n, column in block.items() if n not in columns and n not in empty}
-    notes = [
-        f"{rule.target} left out: {', '.join(rule.sources)} is empty."
-        for rule in rules.rules
-        if rule.target in empty
-    ]
-    if dropped := count - int(np.count_nonzero(apart)):
-        notes.append(f"{dropped} of {count} rows dropped by the column map.")
+    void = {rule.target: ", ".join(rule.sources) for rule in rules.rules if rule.target in empty}
+    notes = [f"{target} left out: {sources} is empty." for target, sources in void.items()]
+    if dropped := rows.size - np.count_nonzero(apart):
+        notes.append(f"{dropped} of {rows.size} rows dropped by the column map.")
     holes = _holes(unusable)
     told = {name: hole(name, column, holes[name]) for name, column in unusable.items()}
     source = replace(source, notes=(*source.notes, *notes), unusable=told, holes=holes)
@@ -191,9 +180,8 @@ def _holes(unusable: Mapping[str, FloatArray]) -> dict[str, str]:
     lacking = {name: ~np.isfinite(values) for name, values in unusable.items()}
     if not lacking or np.mean(np.any(list(lacking.values()), axis=0)) < _MOST_DROPPED:
         return dict.fromkeys(lacking, "drop_rows")
-    first = next((name for name in lacking if name.endswith(".position")), next(iter(lacking)))
-    same = {name: np.array_equal(own, lacking[first]) for name, own in lacking.items()}
-    return {name: "drop_rows" if same[name] else "bridge" for name in lacking}
+    first = lacking[next((n for n in lacking if n.endswith(".position")), next(iter(lacking)))]
+    return {n: "drop_rows" if (own == first).all() else "bridge" for n, own in lacking.items()}
 
 
 def _parts(table: Table, rules: ColumnMap, time: FloatArray, pattern: str) -> dict[str, IntArray]:
@@ -206,6 +194,8 @@ def _parts(table: Table, rules: ColumnMap, time: FloatArray, pattern: str) -> di
     Raises:
         LogError: nothing fits; the message lists the logs that there are.
     """
+    if not table.rows:
+        raise LogError(f"'{table.path}' is empty: it has columns but no rows.")
     choice = rules.rows
     keys = {name: table.texts(name) for name in choice.keys}
     rows = np.flatnonzero(choice.keeps(keys, table.rows))
@@ -221,38 +211,27 @@ def _parts(table: Table, rules: ColumnMap, time: FloatArray, pattern: str) -> di
             name = f"{value}/{k}" if value else f"run{k}"
             found[name if len(pieces) > 1 else value] = piece
     found = dict(sorted(found.items(), key=lambda part: part[1][0]))
-    if not table.rows:
-        raise LogError(f"'{table.path}' is empty: it has columns but no rows.")
     if pattern and list(found) == [""]:
         way = f"Leave '#{pattern}' out: no column has values that it names."
         for name in table.names:
             if any(fnmatchcase(value, pattern) for value in np.unique(table.texts(name))):
                 way = f"Its column '{name}' has such values; " + say_so({"rows": {"split": name}})
-        raise LogError(
-            f"{table.path}: '#{pattern}' picks one of several logs, but nothing splits the file. "
-            + way
-        )
+        raise LogError(f"{table.path}: '#{pattern}' names one, but nothing splits the file. {way}")
     wanted = {p: own for p, own in found.items() if not pattern or fnmatchcase(p, pattern)}
     if not wanted:
         where = "".join(f" where {column} = {value}" for column, value in choice.where.items())
         cells = zip(*(keys[name].tolist() for name in choice.where), strict=True)
-        held = [*(found or dict.fromkeys(" with ".join(row) for row in cells))]
-        raise LogError(
-            f"{table.path}: no log '{pattern or '*'}'{where}. There are: {few(held, _SHOWN)}."
-        )
+        held = few([*(found or dict.fromkeys(" with ".join(row) for row in cells))], _SHOWN)
+        raise LogError(f"{table.path}: no log '{pattern or '*'}'{where}. There are: {held}.")
     return wanted
 
 
 def _breaks(rows: IntArray, time: FloatArray) -> IntArray:
     """Return the places within the rows of one value at which a new log begins."""
-    again = restarts(time)
-    steps = np.diff(time)
-    interrupted = np.diff(rows) > 1
-    if not interrupted.any():
-        return again
-    usual = float(np.nanmedian(steps))
+    steps, interrupted = np.diff(time), np.diff(rows) > 1
+    usual = float(np.nanmedian(steps)) if interrupted.any() else np.inf
     apart = interrupted & ~((steps > 0.0) & (steps <= GAP_STEPS * usual))
-    return np.union1d(np.flatnonzero(apart) + 1, again).astype(np.int_)
+    return np.union1d(np.flatnonzero(apart) + 1, restarts(time)).astype(np.int_)
 
 
 def _patched(rules: ColumnMap, table: Table) -> tuple[ColumnMap, tuple[str, ...], tuple[str, ...]]:
@@ -272,20 +251,16 @@ def _patched(rules: ColumnMap, table: Table) -> tuple[ColumnMap, tuple[str, ...]
     own, notes = _own_rules(table)
     # A rule that names no source means the column that its channel has in this file.
     stated = [
-        replace(rule, sources=own[rule.target].sources)
-        if rule.sources == (rule.target,) and rule.target in own
+        replace(rule, sources=own.get(rule.target, rule).sources)
+        if rule.sources == (rule.target,)
         else rule
         for rule in rules.rules
     ]
     used = {source for rule in stated for source in rule.sources} | set(rules.rows.keys)
     _require_spelling(table, rules, used)
-    taken = {rule.target for rule in stated} | set(map(today, rules.left_out))
-    passed = [
-        rule
-        for target, rule in own.items()
-        if target not in taken and not used & set(rule.sources) and target != rules.time.source
-    ]
-    complete = replace(rules, rules=(*passed, *stated))
+    taken = {rule.target for rule in stated} | set(map(today, rules.left_out)) | {rules.time.source}
+    free = [r for target, r in own.items() if target not in taken and not used & set(r.sources)]
+    complete = replace(rules, rules=(*free, *stated))
     _require_columns(complete, table)
     read = {s for rule in complete.rules for s in rule.sources} | {rules.time.source, *used}
     ignored = tuple(n for n in table.names if n not in read and n not in rules.left_out)
@@ -306,28 +281,23 @@ def _own_rules(table: Table) -> tuple[dict[str, ColumnRule], dict[str, str]]:
         elif name.endswith(_EFFORT) and is_column(effort) and effort not in table.names:
             rules[effort] = ColumnRule(effort, (name,), (1.0,))
             rotor = {"columns": {effort.replace("motor_", "rotor_"): {"from": name}}}
-            notes[effort] = (
-                f"{name} is taken for {effort}. If it is the rotor's torque (or a current, with "
-                f"current in place of rotor_torque), {say_so(rotor)}"
-            )
+            notes[effort] = f"{name} is taken for {effort}. If it is the rotor's torque (or a "
+            notes[effort] += f"current, with current in place of rotor_torque), {say_so(rotor)}"
     return rules, notes
 
 
 def _require_spelling(table: Table, rules: ColumnMap, used: set[str]) -> None:
     """Raise where a column that nothing uses looks like one of ours misspelt."""
-    clock = rules.time.rate > 0.0 or rules.time.source != TIME
     given = {*table.names, *(rule.target for rule in rules.rules), *rules.left_out}
-    given |= {TIME} if clock else set()
+    given |= {TIME} if rules.time.source != TIME else set()
     for name in table.names:
         meant = likely_meant(name)
         if meant is None or meant in given or name in used | set(rules.left_out):
             continue
         source = {"from": name}
-        found: Mend = {"time": source} if meant == TIME else {"columns": {meant: source}}
-        raise LogError(
-            f"{table.path}: column '{name}' looks like '{meant}' misspelt; rename it, or "
-            + say_so(found)
-        )
+        way = say_so({"time": source} if meant == TIME else {"columns": {meant: source}})
+        wrong = f"{table.path}: column '{name}' looks like '{meant}' misspelt"
+        raise LogError(f"{wrong}; rename it, or {way}")
 
 
 def _require_columns(rules: ColumnMap, table: Table) -> None:
@@ -340,11 +310,11 @@ def _require_columns(rules: ColumnMap, table: Table) -> None:
             f"If the file has no clock, put its rate [Hz] in place of 100, and {rate}"
         )
     if not rules.rules:
-        init = f"wbc init MODEL {shlex.quote(str(table.path))}"
         raise LogError(
             f"{table.path}: none of its columns has a name of a log (<joint>.position, ...). "
-            f"There are: {', '.join(table.names)}. Let `{init}` write a first "
-            "column map for the URDF, MJCF or robot MODEL."
+            f"There are: {', '.join(table.names)}. Let `wbc init MODEL "
+            f"{shlex.quote(str(table.path))}` write a first column map for the URDF, MJCF or robot "
+            "MODEL."
         )
     needed = [(f"columns.{rule.target}", s) for rule in rules.rules for s in rule.sources]
     needed += [*(("rows", key) for key in rules.rows.keys), ("time", rules.time.source)]

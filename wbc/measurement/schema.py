@@ -86,16 +86,13 @@ def likely_meant(name: str) -> str | None:
     if get_close_matches(name.lower(), [TIME], cutoff=0.85):
         return TIME
     owner, dot, last = name.rpartition(".")
-    if not dot:
-        return None
-    near = get_close_matches(last.lower(), list(JOINT_QUANTITIES), n=1, cutoff=0.8)
+    near = get_close_matches(last.lower(), JOINT_QUANTITIES, n=1, cutoff=0.8) if dot else []
     return f"{owner}.{near[0]}" if near else None
 
 
 def not_a_column(name: str) -> str:
     """Return the message for a name that is none of the schema."""
-    meant = likely_meant(name)
-    hint = f" Did you mean '{meant}'?" if meant else ""
+    hint = f" Did you mean '{meant}'?" if (meant := likely_meant(name)) else ""
     return (
         f"'{name}' is not a column of a log.{hint} Names are <joint>.<quantity> with "
         f"{', '.join(JOINT_QUANTITIES)}; <contact>.force.x|y|z or active; base.<quantity> "
@@ -164,13 +161,11 @@ def unit_factor(unit: str, allowed: Sequence[str], place: str) -> float:
     Raises:
         LogError: no such unit, or one of another kind of quantity.
     """
-    known = named_unit(unit)
-    if not known:
+    if not (known := named_unit(unit)):
         fitting = [name for name, (kind, _) in LOG_UNITS.items() if kind in allowed]
         raise LogError(f"{place}: " + unknown_name("unit", unit, fitting))
     kind, factor = LOG_UNITS[known]
     if kind not in allowed:
-        raise LogError(
-            f"{place}: unit '{unit}' measures [{kind}], the column needs [{' or '.join(allowed)}]."
-        )
+        needed = f"the column needs [{' or '.join(allowed)}]"
+        raise LogError(f"{place}: unit '{unit}' measures [{kind}], {needed}.")
     return factor

@@ -83,10 +83,8 @@ class Table:
         if (seconds := _seconds(cells)) is not None:
             return seconds
         row = next(row for row, cell in enumerate(cells) if not _is_number(cell or "nan"))
-        raise LogError(
-            f"'{self.path}': column '{name}' holds '{cells[row]}' at row {row} instead of "
-            "numbers. Repair these cells, or leave the column out."
-        )
+        held = f"'{self.path}': column '{name}' holds '{cells[row]}' at row {row}"
+        raise LogError(f"{held} instead of numbers. Repair these cells, or leave the column out.")
 
     def texts(self, name: str) -> NDArray[Any]:
         """Return a column (N,) as text."""
@@ -118,18 +116,11 @@ def columns_of(arrays: Mapping[str, Any], path: Path) -> dict[str, Any]:
     columns: dict[str, Any] = {}
     for name, values in arrays.items():
         parts = _parts(name, values, path)
-        if parts is None:
-            columns[name] = values
-        elif is_column(name):
+        if parts is not None and is_column(name):
             raise LogError(f"'{path}': '{name}' has shape {parts.shape}, expected (rows,).")
-        else:
-            columns |= {f"{name}_{k}": parts[:, k] for k in range(parts.shape[1])}
-    return _with_stamps(columns)
-
-
-def _with_stamps(columns: dict[str, Any]) -> dict[str, Any]:
-    """Return columns in which the seconds and nanoseconds of a stamp are one column of seconds."""
-    for rest in list(columns):
+        own = {name: values} if parts is None else {f"{name}_{k}": c for k, c in enumerate(parts.T)}
+        columns |= own
+    for rest in list(columns):  # the seconds and nanoseconds of a stamp are one column of seconds
         part = re.fullmatch(r"(.*\W|.*_|)n(?:ano)?(secs?)", rest)
         if part and (whole := part[1] + part[2]) in columns:
             seconds, nanos = (np.asarray(columns[n], dtype=np.float64) for n in (whole, rest))
@@ -150,12 +141,9 @@ def _parts(name: str, values: Any, path: Path) -> NDArray[Any] | None:
         rows = [_numbers_in(cell) for cell in _cells(values)]
     except ValueError:
         return None
-    odd = next((k for k, row in enumerate(rows) if len(row) != len(rows[0])), None)
-    if odd is not None:
-        raise LogError(
-            f"'{path}': column '{name}' holds {len(rows[0])} numbers in row 0 and {len(rows[odd])} "
-            f"in row {odd}. Drop such rows."
-        )
+    for k in (k for k, row in enumerate(rows) if len(row) != len(rows[0])):
+        counts = f"{len(rows[0])} numbers in row 0 and {len(rows[k])} in row {k}"
+        raise LogError(f"'{path}': column '{name}' holds {counts}. Drop such rows.")
     return np.asarray(rows, dtype=np.float64)
 
 
@@ -171,29 +159,25 @@ def _numbers_in(cell: Any) -> list[float]:
 
 def _seconds(cells: Sequence[str]) -> FloatArray | None:
     """Return the seconds (N,) since the first of some dates, None if a cell is none."""
-    first = next(filter(None, cells), "")
-    patterns = [day + hour for day in _DAYS for hour in _HOURS] if re.search("[:/-]", first) else ()
-    for pattern in ("", *patterns) if patterns else ():
-        try:
+    patterns = ["", *(day + hour for day in _DAYS for hour in _HOURS)]
+    for pattern in patterns if re.search("[:/-]", next(filter(None, cells), "")) else ():
+        with suppress(ValueError):
             dates = [_date(cell, pattern) if cell else None for cell in cells]
-        except ValueError:
-            continue
-        start = next(filter(None, dates))
-        return np.array([(date - start).total_seconds() if date else np.nan for date in dates])
+            start = next(filter(None, dates))
+            return np.array([(date - start).total_seconds() if date else np.nan for date in dates])
     return None
+
+
+def _date(cell: str, pattern: str) -> datetime:
+    """Return the date of a cell, by the ISO where there is no pattern."""
+    known = datetime.fromisoformat(cell) if not pattern else None
+    return known or datetime.strptime(cell.replace(",", "."), pattern)
 
 
 def _is_number(cell: str) -> bool:
     with suppress(ValueError):
         return float(cell) is not None
     return False
-
-
-def _date(cell: str, pattern: str) -> datetime:
-    """Return the date of a cell, by the ISO where there is no pattern."""
-    if not pattern:
-        return datetime.fromisoformat(cell)
-    return datetime.strptime(cell.replace(",", "."), pattern)
 
 
 _MARKS = (",", ";", "\t", "|", " ")
@@ -229,10 +213,8 @@ class _Layout:
     def score(self) -> float:
         """How much of the lines below the first is numbers in columns of equal length."""
         rows = [row for row in self.rows[1:] if len(row) == self.width]
-        filled = [n for row in rows for c, n in zip(row, self.numbers(row), strict=True) if c]
-        cells = max(sum(map(len, rows)), 1)
-        numbers = (cells - len(filled) + sum(filled)) / cells if rows else 0.0
-        whole = len(rows) / max(len(self.rows) - 1, 1) * numbers
+        fine = [n or not c for row in rows for c, n in zip(row, self.numbers(row), strict=True)]
+        whole = len(rows) / max(len(self.rows) - 1, 1) * sum(fine) / max(len(fine), 1)
         likely = (1.0 if self.fits(self.rows[0]) else 0.5) * (self.width > 1 or 0.5)
         return (whole + 1e-6 * self.width) * likely
 
@@ -324,9 +306,8 @@ def _names(
     """Return the names of the columns: given, in a comment above the rows, or in the head."""
     first = layout.rows[0]
     if given and len(given) != len(first):
-        raise LogError(
-            f"'{path}' has {len(first)} columns, rows.header of the column map names {len(given)}."
-        )
+        named = f"rows.header of the column map names {len(given)}"
+        raise LogError(f"'{path}' has {len(first)} columns, {named}.")
     if given:
         return given
     if not layout.head:
@@ -339,7 +320,7 @@ def _names(
         way = say_so({"rows": {"header": wanted}}, "give their true names")
         raise LogError(
             f"'{path}' has no header line: its first line is a row ({', '.join(first)}). "
-            f"Write a line with the names of the {len(first)} columns above them, or {way}"
+            f"Write the names of the {len(first)} columns above it, or {way}"
         )
     # What is not as wide as the rows, tells of the file and not of its columns.
     head = layout.head[: len(layout.head) - bool(layout.units)]
@@ -367,8 +348,7 @@ def _parsed(
     with needs("logs", "reading CSV files"):  # pyarrow is no part of a bare installation
         import pyarrow as pa
         import pyarrow.csv as pc
-    if re.search(r"(?m)^(?:[#%]|[ \t\r]*\n)", text):
-        text = re.sub(_PASSED_OVER, "", text)
+    text = re.sub(_PASSED_OVER, "", text)
     if layout.mark == " ":
         text = re.sub(r"[ \t]+", "\t", re.sub(r"(?m)^[ \t]+|[ \t]+$", "", text))
     last = text.rstrip().rpartition("\n")[2]
@@ -393,6 +373,6 @@ def _parsed(
             raise LogError(f"'{path}' is empty: it has columns but no rows.") from cause
         why = "Repair that row, or export the file again."
         if layout.mark == "," and layout.width == 2 * len(names):
-            why = "Rows have twice as many cells as the header: are there decimal commas between "
-            why += "commas? Export with semicolons between the columns, or with decimal points."
+            why = "Rows have twice as many cells as the header: decimal commas between commas? Use "
+            why += "semicolons between the columns, or decimal points."
         raise LogError(f"cannot read '{path}' as CSV: {cause}. {why}") from cause
