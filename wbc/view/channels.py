@@ -25,6 +25,7 @@ from wbc.identification.records.record import Record
 from wbc.measurement import Log
 from wbc.measurement.schema import REPORTED
 from wbc.robot import Motion, Robot
+from wbc.tables import few
 from wbc.transmission import Transmission, direction
 
 
@@ -38,11 +39,9 @@ def configuration(robot: Robot, log: Log) -> FloatArray:
     """
     told = [log.has(f"{n}.position") or log.has(f"{n}.velocity") for n in robot.single_joints]
     if not any(told) and not (robot.has_free_flyer and log.has("base.position.x")):
-        some = [f"{joint}.position" for joint in robot.single_joints[:4]]
-        names = ", ".join(some) + (", ..." if len(robot.single_joints) > 4 else "")
-        raise LogError(
-            f"{log.source.label}: no position of any joint of '{robot.name}'; expected {names}."
-        )
+        names = few([f"{joint}.position" for joint in robot.single_joints], 4)
+        place = f"{log.source.label}: no position of any joint of '{robot.name}'"
+        raise LogError(f"{place}; expected {names}.")
     return positions(robot, log, partial=True)
 
 
@@ -73,14 +72,12 @@ def kinematics(robot: Robot, position: FloatArray) -> tuple[FloatArray, FloatArr
         the world; centre of mass (N, 3) [m]; contact points (N, contacts, 3) [m].
     """
     space = Workspace(robot)
-    model, data = space.model, space.data
-    poses = np.empty((len(position), model.njoints, 7))
-    center = np.empty((len(position), 3))
-    points = np.empty((len(position), len(space.frames), 3))
+    model, data, rows = space.model, space.data, len(position)
+    poses, points = np.empty((rows, model.njoints, 7)), np.empty((rows, len(space.frames), 3))
+    center = np.empty((rows, 3))
     for row, q in enumerate(position):
         center[row] = pin.centerOfMass(model, data, q)
-        for joint in range(model.njoints):
-            poses[row, joint] = pin.SE3ToXYZQUAT(data.oMi[joint])
+        poses[row] = [pin.SE3ToXYZQUAT(place) for place in data.oMi]
         for i, frame in enumerate(space.frames):
             points[row, i] = pin.updateFramePlacement(model, data, frame).translation
     return poses, center, points
@@ -165,11 +162,8 @@ def jump_rows(values: FloatArray, near: Sequence[int]) -> tuple[int, ...]:
         near: rows at which something hit.
     """
     steps = np.abs(np.diff(values, axis=0)).max(axis=1, initial=0.0)
-    found = set()
-    for row in near:
-        low, high = max(row - _NEAR, 0), min(row + _NEAR, len(steps))
-        if high > low:
-            found.add(low + int(np.argmax(steps[low:high])) + 1)
+    spans = [slice(max(row - _NEAR, 0), row + _NEAR) for row in near]
+    found = {one.start + int(np.argmax(steps[one])) + 1 for one in spans if steps[one].size}
     return tuple(sorted(found))
 
 
@@ -182,9 +176,8 @@ def window_mean(values: FloatArray, rows: int, jumps: Sequence[int] = ()) -> Flo
     def mean(piece: FloatArray) -> FloatArray:
         row = np.arange(len(piece))
         reach = np.minimum(rows // 2, np.minimum(row, row[::-1]))
-        sums = np.concatenate([np.zeros((1, *piece.shape[1:])), np.cumsum(piece, axis=0)])
-        width = (2 * reach + 1).reshape(-1, *(1,) * (piece.ndim - 1))
-        return np.asarray((sums[row + reach + 1] - sums[row - reach]) / width)
+        sums = np.concatenate([np.zeros_like(piece[:1]), np.cumsum(piece, axis=0)])
+        return np.asarray(((sums[row + reach + 1] - sums[row - reach]).T / (2 * reach + 1)).T)
 
     return np.concatenate([mean(piece) for piece in np.split(values, jumps)])
 
@@ -277,8 +270,7 @@ def tooth_loss(gears: Transmission, mesh_power: FloatArray) -> FloatArray:
     through its teeth: all power that the motor still absorbs comes out of measurement error, and
     none is counted.
     """
-    backward = gears.backward_efficiency
-    share = np.where(backward > 0.0, 1.0 / np.where(backward > 0.0, backward, 1.0) - 1.0, 0.0)
+    share = 1.0 / np.where(gears.backward_efficiency > 0.0, gears.backward_efficiency, 1.0) - 1.0
     forward = (1.0 - gears.forward_efficiency) * np.maximum(mesh_power, 0.0)
     return np.asarray(forward + share * np.maximum(-mesh_power, 0.0))
 
@@ -333,13 +325,9 @@ def model_ghost(
         size = np.abs(residual)
         floor = np.maximum(np.quantile(size, 0.1, axis=0), 1e-9 + 0.01 * size.max(axis=0))
     joints = model.transmission.joints
-    return Ghost(
-        label=label,
-        time=np.asarray(record.motion.time),
-        position=_answer(model, record),
-        residual_time=record.time,
-        residual={name: residual[:, i] / floor[i] for i, name in enumerate(joints)},
-    )
+    shown = {name: residual[:, i] / floor[i] for i, name in enumerate(joints)}
+    time = np.asarray(record.motion.time)
+    return Ghost(label, time, _answer(model, record), record.time, shown)
 
 
 def _answer(model: Robot, record: Record) -> FloatArray:
@@ -348,10 +336,9 @@ def _answer(model: Robot, record: Record) -> FloatArray:
     torque = np.array(evidence(model, [record]).unexplained[0])
     torque[:, driven] = np.linalg.solve(gears.topology.T, torque[:, driven].T).T
     rotors = gears.motor_from_joint.T * gears.reflected_inertia @ gears.motor_from_joint
-    bears = np.zeros((3 * len(model.contacts), len(torque)), dtype=bool)
-    for k, contact in enumerate(model.contacts):
-        if contact.name in record.forces:
-            bears[3 * k : 3 * k + 3] = np.abs(record.forces[contact.name]).max(axis=1) > 1.0
+    forces = [record.forces.get(one.name, np.zeros((len(torque), 3))) for one in model.contacts]
+    largest = np.abs(np.array(forces).reshape(-1, len(torque), 3)).max(axis=2)
+    bears = np.repeat(largest > 1.0, 3, axis=0)
     space, push = Workspace(model), np.empty(torque.shape)
     for row, q in enumerate(motion.position):
         # What the torque too much does, loaded contacts held in place.
@@ -417,8 +404,7 @@ def make_track(robot: Robot, log: Log) -> Track:
     log = with_needed_torques(robot, log) if planned else log
     wanted = min(len(log), _MAX_FRAMES, int(log.duration * _FRAME_RATE) + 1)
     instants = np.linspace(log.time[0], log.time[-1], max(wanted, 2))
-    rows = np.searchsorted(log.time, instants - 0.5 * log.sample_time)
-    rows = np.unique(np.clip(rows, 0, len(log) - 1))
+    rows = np.unique(np.searchsorted(log.time, instants - 0.5 * log.sample_time))
     poses, center, points = kinematics(robot, configuration(robot, log)[rows])
     forces, flow = contact_forces(robot, log), gear_flow(robot, log)
     return Track(
@@ -437,13 +423,9 @@ def make_track(robot: Robot, log: Log) -> Track:
 
 def is_planned(robot: Robot, log: Log) -> bool:
     """Return whether a log holds set points: the motion with its acceleration, and no torque."""
-    motion = ("position", "velocity", "acceleration")
-    joints = robot.transmission.joints
-    return (
-        robot.floating_size == 0
-        and log.has(*(f"{joint}.{what}" for joint in joints for what in motion))
-        and not np.isfinite(rotor_torque(robot, log)).any()
-    )
+    motion, joints = ("position", "velocity", "acceleration"), robot.transmission.joints
+    told = log.has(*(f"{joint}.{what}" for joint in joints for what in motion))
+    return told and not (robot.floating_size or np.isfinite(rotor_torque(robot, log)).any())
 
 
 def with_needed_torques(robot: Robot, log: Log) -> Log:
@@ -458,10 +440,8 @@ def with_needed_torques(robot: Robot, log: Log) -> Log:
 
 def _largest(force: FloatArray, rows: IntArray) -> FloatArray:
     """Return for each frame the force of the largest size since the frame before."""
-    size = np.linalg.norm(force, axis=1)
-    starts = np.concatenate([[0], rows[:-1] + 1])
-    picks = [int(a + np.argmax(size[a : b + 1])) for a, b in zip(starts, rows, strict=True)]
-    return np.asarray(force[picks])
+    size, starts = np.linalg.norm(force, axis=1), [0, *(rows[:-1] + 1)]
+    return force[[a + np.argmax(size[a : b + 1]) for a, b in zip(starts, rows, strict=True)]]
 
 
 def ghost_at(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -26,6 +27,7 @@ from wbc.view.style import DASHES, drawing, new_figure
 _FORWARD, _BACKWARD, _PERFECT, _COMBINED = 0, 1, 2, 3
 _DASH = {_BACKWARD: DASHES[0], _PERFECT: DASHES[1], _FORWARD: DASHES[2], _COMBINED: DASHES[3]}
 _NEAR = 0.04  # of the panel: names of joints closer than that are written as one
+_BELOW: Any = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16)}  # where no curve can reach it
 
 
 def leg_figure(
@@ -94,13 +96,12 @@ def _draw_pose(
 def _name_places(ax: Axes, names: list[str], places: FloatArray) -> None:
     """Write names (k,) beside places (k, 2), a line each for those that lie on each other."""
     near = _NEAR * max(float(np.ptp(places, axis=0).max()), 1e-9)
-    left = list(range(len(names)))
-    while left:
-        here = places[left[0]]
-        same = [k for k in left if np.linalg.norm(places[k] - here) <= near]
-        left = [k for k in left if k not in same]
-        text = "\n".join(names[k] for k in same)
-        ax.annotate(text, (here[0], here[1]), xytext=(9, 4), textcoords="offset points", fontsize=8)
+    told: dict[tuple[float, float], str] = {}
+    for name, (x, y) in zip(names, places.tolist(), strict=True):
+        place = next((one for one in told if np.hypot(x - one[0], y - one[1]) <= near), (x, y))
+        told[place] = f"{told[place]}\n{name}" if place in told else name
+    for place, text in told.items():
+        ax.annotate(text, place, xytext=(9, 4), textcoords="offset points", fontsize=8)
 
 
 def _draw_inertia(
@@ -124,17 +125,9 @@ def _draw_inertia(
         ax.plot([], [], " ", label="no Forward-GIT: the base is not driven")
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.1, 0.1)
-    _legend_below(ax)
-    ax.set(
-        title="inertia ellipsoids (principal inertias)",
-        xlabel=f"{axes[0]} [kg]",
-        ylabel=f"{axes[1]} [kg]",
-    )
-
-
-def _legend_below(ax: Axes) -> None:
-    """Put the legend under the axes, where no curve can reach it."""
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16))
+    ax.legend(**_BELOW)
+    ax.set_title("inertia ellipsoids (principal inertias)")
+    ax.set(xlabel=f"{axes[0]} [kg]", ylabel=f"{axes[1]} [kg]")
 
 
 def _draw_force(
@@ -155,14 +148,14 @@ def _draw_force(
             reason = str(cause)
             continue
         colour = theme.series[number]
-        patch = Polygon(corners, facecolor=to_rgba(colour, 0.13), edgecolor=colour, label=label)
-        patch.set(linestyle=_DASH[number], linewidth=1.4)
-        ax.add_patch(patch)
+        look: Any = {"label": label, "linestyle": _DASH[number], "linewidth": 1.4}
+        look |= {"facecolor": to_rgba(colour, 0.13), "edgecolor": colour}
+        ax.add_patch(Polygon(corners, **look))
+    ax.set_title("force on the surroundings")
     if not ax.patches:
         text = fill(reason, 36)
         ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", fontsize=8)
         ax.set_axis_off()
-        ax.set_title("force capability")
         return
     if robot.floating_size:
         weight = -robot.weight  # what a foot that carries all presses on the ground with
@@ -171,7 +164,5 @@ def _draw_force(
         ax.annotate("weight", (1.01, weight), xycoords=place, va="center", fontsize=8)
     ax.autoscale_view()
     ax.margins(0.06, 0.08)
-    _legend_below(ax)
-    ax.set(
-        title="force on the surroundings", xlabel=f"$f_{axes[0]}$ [N]", ylabel=f"$f_{axes[1]}$ [N]"
-    )
+    ax.legend(**_BELOW)
+    ax.set(xlabel=f"$f_{axes[0]}$ [N]", ylabel=f"$f_{axes[1]}$ [N]")

@@ -107,22 +107,19 @@ def write_animation(
         ViewError: no Chromium (the message names the package), another ending, or a span of time
             that is empty.
     """
-    destination = Path(path)
-    if destination.suffix.lower() != ".gif":
-        raise ViewError(f"'{destination}': an animation ends in .gif.")
+    if Path(path).suffix.lower() != ".gif":
+        raise ViewError(f"'{path}': an animation ends in .gif.")
 
     def instants(page: Page) -> list[float]:
-        begin, end = (
-            float(page.evaluate(f"player.{name}")) if given is None else given
-            for name, given in zip(("start", "stop"), span, strict=True)
-        )
+        ends = [float(page.evaluate(f"player.{name}")) for name in ("start", "stop")]
+        begin, end = (e if given is None else given for e, given in zip(ends, span, strict=True))
         if not (end > begin and speed > 0.0 and frame_rate > 0.0):
             raise ViewError(f"nothing to animate from {begin:g} s to {end:g} s at speed {speed:g}.")
         return [float(at) for at in np.arange(begin, end, speed / frame_rate)]
 
     taken = _frames(playback, size, "still&bare", instants)
     films = [Image.open(io.BytesIO(one)).convert("RGB") for one in taken]
-    return write_gif(destination, films, frame_rate)
+    return write_gif(Path(path), films, frame_rate)
 
 
 def _frames(

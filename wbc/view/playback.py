@@ -118,7 +118,7 @@ def _camera(
     if ghost is not None and not leaves:
         seen.append(_corners(ghost[frames], shapes))
     if not shapes and not track.forces:
-        seen = [track.poses[frames, :, :3].astype(np.float64)]  # links without bodies
+        seen = [track.poses[frames, :, :3]]  # links without bodies
     points = np.concatenate(seen, axis=1)
     if leaves:
         moved = track.center_of_mass[frames] - track.center_of_mass[0]
@@ -142,7 +142,7 @@ def _corners(poses: FloatArray, shapes: Sequence[LinkShape]) -> FloatArray:
     """
     corners = [np.zeros((len(poses), 0, 3))]
     for shape in shapes:
-        place = poses[:, shape.joint].astype(np.float64)
+        place = poses[:, shape.joint]
         turn = Rotation.from_quat(place[:, 3:]).as_matrix()
         corners.append(shape.corners @ np.swapaxes(turn, 1, 2) + place[:, None, :3])
     return np.concatenate(corners, axis=1)
@@ -199,19 +199,19 @@ def write_playback(
     opacity = 1.0 if ground is None or mean[0, 2] >= surface(ground, mean)[0][0] else 0.3
     reach = add_robot_scene(root, robot, shapes, slabs, list(track.forces), opacity)
     # Only a robot with a free base moves away.
-    leaves = (
-        robot.floating_size > 0 and float(np.ptp(center[:, :2], axis=0).max()) > _LEAVES * reach
-    )
+    floating = robot.floating_size > 0
+    leaves = floating and bool(np.ptp(center[:, :2], axis=0).max() > _LEAVES * reach)
     add_paths(root["paths"], track.points if track.planned else {})
-    poses, residual, label = None, dict[str, FloatArray](), ""
+    poses, residual, beside = None, dict[str, FloatArray](), None
     if ghost is not None:
-        label, (poses, residual) = ghost.label, ghost_at(robot, ghost, track.time)
+        poses, residual = ghost_at(robot, ghost, track.time)
+        beside = {"label": ghost.label, **_body(robot, poses)}
     shown = _marks(track, marks or {})
     scene = {  # arrays are base64 of float32
         "modes": {str(int(d)): palette.DIRECTION_LABELS[d] for d in Direction},
         "time": _packed(track.time),
         "robot": _body(robot, track.poses),
-        "ghost": None if poses is None else {"label": label, **_body(robot, poses)},
+        "ghost": beside,
         "com": _packed(track.center_of_mass),
         "floor": None if ground is None else surface(ground, center)[0].round(5).tolist(),
         "contacts": [_contact(robot, track, name, ground) for name in track.forces],
@@ -223,25 +223,26 @@ def write_playback(
         "arrow_head": ARROW_HEAD * reach,
         "metres_per_newton": _arrow_scale(track, robot.weight, reach),
         "camera": _camera(track, shapes, poses, leaves),
-        "floating": robot.floating_size > 0,
+        "floating": floating,
         "planned": track.planned,
         "follow": leaves,
         # Noise floors of the full colour: few residuals exceed it.
-        "residual_span": max(
-            _LEAST_SPAN, float(np.quantile(np.abs([*residual.values()] or 0), 0.95))
-        ),
+        "residual_span": max(_LEAST_SPAN, np.quantile(np.abs([*residual.values()] or 0), 0.95)),
         "autoplay": at is None,
         "at": float(track.time[0]) if at is None else at,
         "colours": _COLOURS,
         "commands": recorder.commands,
     }
-    folder = FileSystemLoader(Path(__file__).parent / "player")
-    template = Environment(loader=folder, undefined=StrictUndefined).get_template(
-        "playback.html.j2"
-    )
+    template = pages("player").get_template("playback.html.j2")
     viewer, title = _VIEWER.read_text(encoding="utf-8"), title or robot.name
     page = template.render(title=title, theme=theme, meshcat=viewer, scene=embedded(scene))
     return write_text(path, page)
+
+
+def pages(folder: str, **more: Any) -> Environment:
+    """Return what fills the templates of a folder beside this file."""
+    home = FileSystemLoader(Path(__file__).parent / folder)
+    return Environment(loader=home, undefined=StrictUndefined, **more)
 
 
 def embedded(value: object) -> str:

@@ -16,17 +16,10 @@ from wbc.effects import EFFECTS
 from wbc.errors import needs
 from wbc.files import write_text
 from wbc.identification import Comparison, Diagnosis, OpenLoop, Ranked
-from wbc.identification.answer import shown
+from wbc.identification.answer import shown, words
 from wbc.identification.answer.comparison import compare_problem
 from wbc.identification.answer.remainder import quantities
 from wbc.identification.answer.shown import Series, series_of
-from wbc.identification.answer.words import (
-    COMMAND,
-    VERDICTS,
-    Commands,
-    verdict_sentence,
-    what_to_do,
-)
 from wbc.identification.formulas import Discovery
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.open_loop import open_loop_rows
@@ -40,12 +33,11 @@ from wbc.robot import Robot
 from wbc.robot.effect import spoken
 
 with needs("view", "writing a report"):
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
 
     from wbc.view.channels import model_ghost
-    from wbc.view.playback import embedded, write_playback
+    from wbc.view.playback import embedded, pages, write_playback
 
 _STRONG = 0.1
 _MOST_DEPENDENCES = 10
@@ -69,7 +61,7 @@ def write_report(
     *,
     command: str = "",
     discovery: Discovery | None = None,
-    commands: Commands | None = None,
+    commands: words.Commands | None = None,
     simulated: Sequence[OpenLoop] = (),
 ) -> Path:
     """Write what `compare` or `diagnose` found as one HTML file without any network.
@@ -119,12 +111,7 @@ def write_report(
     }
     context |= {"robot": robot, "diagnosis": diagnosis, "comparison": comparison, "steps": steps}
     context |= {"discovery": discovery, "simulated": simulated}
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "page"),
-        undefined=StrictUndefined,
-        autoescape=True,
-        finalize=_unbroken,
-    )
+    environment = pages("page", autoescape=True, finalize=_unbroken)
     used = spoken, titled, shown.plain, shown.sure, shown.with_deviation, short_label
     environment.filters |= {one.__name__: one for one in used}
     page = environment.get_template("report.html.j2")
@@ -139,17 +126,17 @@ def _unbroken(value: object) -> object:
 
 
 def headline(
-    comparison: Comparison, diagnosis: Diagnosis | None, commands: Commands | None
+    comparison: Comparison, diagnosis: Diagnosis | None, commands: words.Commands | None
 ) -> dict[str, Any]:
     """Return the verdict with its meaning, the first sentence, the others, what to do now."""
     verdict = badge = "compared"
     meaning, to_do = "the model beside the logs, nothing was fitted", ""
     text = comparison.sentence
     if diagnosis is not None:
-        verdict, text = diagnosis.verdict, verdict_sentence(diagnosis)
-        (badge, meaning), to_do = VERDICTS[verdict], what_to_do(diagnosis, commands)
+        verdict, text = diagnosis.verdict, words.verdict_sentence(diagnosis)
+        (badge, meaning), to_do = words.VERDICTS[verdict], words.what_to_do(diagnosis, commands)
     first, stop, rest = text.partition(". ")
-    lines = [(line.startswith(COMMAND), line.strip()) for line in to_do.splitlines()]
+    lines = [(line.startswith(words.COMMAND), line.strip()) for line in to_do.splitlines()]
     told = {"verdict": verdict, "badge": badge, "meaning": meaning, "to_do": lines}
     return told | {"sentence": first + ("." if stop else ""), "more": rest}
 
@@ -174,14 +161,11 @@ def titled(text: str) -> str:
 
 def stairs(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Return the staircase: label and error of each step."""
-    return [
-        {
-            "label": f"+ {spoken(step.added)} at {step.where}" if step.added else "as given",
-            "error": step.error,
-            "told": shown.plain(step.error, 2),
-        }
-        for step in diagnosis.steps
-    ]
+    steps = []
+    for one in diagnosis.steps:
+        label = f"+ {spoken(one.added)} at {one.where}" if one.added else "as given"
+        steps.append({"label": label, "error": one.error, "told": shown.plain(one.error, 2)})
+    return steps
 
 
 def ranking_words(rows: Sequence[Ranked]) -> list[tuple[str, str]]:

@@ -15,18 +15,8 @@ from wbc.dynamics import contact_torque
 from wbc.identification.records.channels import contact_forces
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.view import channels
+from wbc.view import channels, style
 from wbc.view.palette import LIGHT, Theme
-from wbc.view.style import (
-    DASHES,
-    SHOWN,
-    drawing,
-    fill_power,
-    legend_above,
-    mark_impacts,
-    new_figure,
-    plot_mean,
-)
 
 
 def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
@@ -41,35 +31,33 @@ def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
         theme: page colours.
     """
     gears = robot.transmission
-    flow = channels.gear_flow(robot, log, SHOWN * log.duration)
-    impacts = channels.log_impacts(robot, log)
-    with drawing(theme):
-        figure, grid = new_figure(gears.size, 2, 9.0, 2.1 * gears.size + 0.6, share_x=True)
+    flow = channels.gear_flow(robot, log, style.SHOWN * log.duration)
+    impacts, sky, red = channels.log_impacts(robot, log), theme.series[5], theme.series[1]
+    with style.drawing(theme):
+        figure, grid = style.new_figure(gears.size, 2, 9.0, 2.1 * gears.size + 0.6, share_x=True)
         for i, joint in enumerate(gears.joints):
             (power, loss), entering, lost = grid[i], flow.mesh_power[:, i], flow.loss[:, i]
-            fill_power(power, log.time, entering, flow.direction[:, i])
+            style.fill_power(power, log.time, entering, flow.direction[:, i])
             power.plot(log.time, entering, color=theme.ink, linewidth=0.5)
             power.set_title(f"{joint}: power into the teeth")
-            heat = cumulative_trapezoid(lost, log.time, initial=0.0)
-            loss.fill_between(log.time, lost, color=theme.series[5], alpha=0.5, linewidth=0.0)
-            loss.plot(log.time, lost, color=theme.series[5], linewidth=0.9)
+            loss.fill_between(log.time, lost, color=sky, alpha=0.5, linewidth=0.0)
+            loss.plot(log.time, lost, color=sky, linewidth=0.9)
             total = loss.twinx()
-            total.plot(log.time, heat, color=theme.series[1])
-            total.set_ylabel("heat so far [J]", color=theme.series[1])
-            total.tick_params(axis="y", colors=theme.series[1])
+            total.plot(log.time, cumulative_trapezoid(lost, log.time, initial=0.0), color=red)
+            total.set_ylabel("heat so far [J]", color=red)
+            total.tick_params(axis="y", colors=red)
             total.grid(visible=False)
             total.set_ylim(bottom=0.0)
             loss.set_ylim(bottom=0.0)
-            loss.set_title(
-                f"{joint}: loss ($\\eta_f$ = {gears.forward_efficiency[i]:.2f}, "
-                f"$\\eta_b$ = {gears.backward_efficiency[i]:.2f})"
-            )
+            forward, backward = gears.forward_efficiency[i], gears.backward_efficiency[i]
+            shares = f"$\\eta_f$ = {forward:.2f}, $\\eta_b$ = {backward:.2f}"
+            loss.set_title(f"{joint}: loss ({shares})")
             for ax in (power, loss):
-                ax.set_ylabel("power [W]")
-                mark_impacts(ax, impacts, theme.ink)
+                ax.set(ylabel="power [W]", xlim=(log.time[0], log.time[-1]))
+                style.mark_impacts(ax, impacts, theme.ink)
         for ax in grid[-1]:
-            ax.set(xlabel="time [s]", xlim=(log.time[0], log.time[-1]))
-        legend_above(figure, grid[0][0], 3)
+            ax.set_xlabel("time [s]")
+        style.legend_above(figure, grid[0][0], 3)
     return figure
 
 
@@ -97,13 +85,12 @@ def energy_audit(robot: Robot, log: Log) -> dict[str, FloatArray]:
     # are sampled at the rows miss how a controller answers to noise: over two squats of the leg
     # they leave 0.12 J of 18 J unexplained, these 0.008 J, as the simulator's own balance does.
     torque, middle = channels.rotor_torque(robot, log)[:-1], 0.5 * (output[1:] + output[:-1])
-    growth = np.diff(output, axis=0) / np.diff(log.time)[:, None]
-    drive = torque * gears.gear_ratio * middle
+    steps = np.diff(log.time)
+    drive, growth = torque * gears.gear_ratio * middle, np.diff(output, axis=0) / steps[:, None]
     _, loss = channels.gear_powers(gears, torque, middle, growth)
     force = contact_torque(robot, position, contact_forces(robot, log))
     push = force[:-1] * 0.5 * (speed[1:] + speed[:-1])
     powers = (np.nansum(power, axis=1) for power in (drive, push, loss))
-    steps = np.diff(log.time)
     motor, ground, heat = (np.append(0.0, np.cumsum(power * steps)) for power in powers)
     kinetic, potential = kinetic - kinetic[0], height - height[0]
     return {
@@ -127,23 +114,21 @@ def energy_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
     unexplained = lines.pop("unexplained")
     largest = max(float(np.abs(values).max()) for values in lines.values())
     left = float(np.abs(unexplained).max())
-    with drawing(theme):
-        figure, grid = new_figure(2, 1, 7.0, 4.6, share_x=True, heights=(3, 1))
-        upper, lower = grid[0][0], grid[1][0]
+    with style.drawing(theme):
+        figure, ((upper,), (lower,)) = style.new_figure(2, 1, 7.0, 4.6, share_x=True)
+        grid: Any = upper.get_gridspec()
+        grid.set_height_ratios([3, 1])
         for i, (label, values) in enumerate(lines.items()):
-            upper.plot(log.time, values, color=theme.series[i], linestyle=DASHES[i], label=label)
+            look: Any = {"color": theme.series[i], "linestyle": style.DASHES[i], "label": label}
+            upper.plot(log.time, values, **look)
         upper.set(title="energy since the start", ylabel="energy [J]")
-        legend_above(figure, upper, 3)
+        style.legend_above(figure, upper, 3)
         lower.plot(log.time, unexplained, color=theme.ink)
         # On the scale of a twentieth of the energies: a line that looks flat is explained.
         lower.set_ylim(-(limit := max(0.05 * largest, 1.2 * left)), limit)
         share = 100.0 * left / largest if largest else 0.0
-        lower.set(
-            title=f"not explained: at most {left:.2g} J, {share:.1g} % of the largest energy",
-            ylabel="energy [J]",
-            xlabel="time [s]",
-            xlim=(log.time[0], log.time[-1]),
-        )
+        lower.set_title(f"not explained: at most {left:.2g} J, {share:.1g} % of the largest energy")
+        lower.set(ylabel="energy [J]", xlabel="time [s]", xlim=(log.time[0], log.time[-1]))
         figure.align_ylabels([upper, lower])
     return figure
 
@@ -164,26 +149,26 @@ def standing_figure(robot: Robot, runs: Mapping[str, Log], theme: Theme = LIGHT)
     """
     limits = robot.transmission.torque_limit
     impacts = {label: channels.log_impacts(robot, log) for label, log in runs.items()}
-    with drawing(theme):
+    with style.drawing(theme):
         rows = 4 + robot.transmission.size
-        figure, grid = new_figure(rows, 1, 7.0, 1.25 * rows + 0.6, share_x=True)
+        figure, grid = style.new_figure(rows, 1, 7.0, 1.25 * rows + 0.6, share_x=True)
         axes = [row[0] for row in grid]
         for i, (label, log) in enumerate(runs.items()):
             hits = [int(np.searchsorted(log.time, impact.time)) for impact in impacts[label]]
-            signals, style = _standing_signals(robot, log), run_style(i, label, theme)
+            signals, look = _standing_signals(robot, log), run_style(i, label, theme)
             for ax, (title, (unit, values)) in zip(axes, signals.items(), strict=True):
                 ax.set(title=title, ylabel=unit)
                 if "N" in unit:
-                    plot_mean(ax, log.time, values, style, hits, samples=len(runs) == 1)
+                    style.plot_mean(ax, log.time, values, look, hits, samples=len(runs) == 1)
                 else:
-                    ax.plot(log.time, values, **style)
+                    ax.plot(log.time, values, **look)
             for ax, limit in zip(axes[3:-1], limits, strict=True):
                 if np.isfinite(limit) and np.abs(ax.dataLim.intervaly).max() > 0.5 * limit:
                     for end in (-limit, limit):
                         ax.axhline(end, color="0.5", linewidth=0.8, linestyle=":")
         first = next(iter(runs.values()))
         for ax in axes:
-            mark_impacts(ax, next(iter(impacts.values())), theme.ink)
+            style.mark_impacts(ax, next(iter(impacts.values())), theme.ink)
         if peaks := [impact.force for found in impacts.values() for impact in found]:
             # The force of an impact would flatten all others.
             axes[-1].set_ylim(-0.1 * robot.weight, _CUT * robot.weight)
@@ -191,7 +176,7 @@ def standing_figure(robot: Robot, runs: Mapping[str, Log], theme: Theme = LIGHT)
             axes[-1].set_title(title)
         axes[-1].set(xlabel="time [s]", xlim=(first.time[0], first.time[-1]))
         figure.align_ylabels(axes)
-        legend_above(figure, axes[0], len(runs))
+        style.legend_above(figure, axes[0], len(runs))
     return figure
 
 
@@ -218,7 +203,7 @@ def run_style(number: int, label: str, theme: Theme) -> dict[str, Any]:
     behind = number >= 2
     return {
         "color": theme.series[number % len(theme.series)],
-        "linestyle": "-" if behind else DASHES[number],
+        "linestyle": "-" if behind else style.DASHES[number],
         "linewidth": 4.5 if behind else 1.4,
         "alpha": 0.4 if behind else 1.0,
         "zorder": 3.0 - 0.1 * number,

@@ -33,11 +33,8 @@ def scene_size(robot: Robot, shapes: tuple[LinkShape, ...]) -> float:
     """Return about the size [m] of a robot in its neutral pose: arrows, hubs and marks fit it."""
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.neutral())
-    corners = [
-        data.oMi[shape.joint].act(corner) for shape in shapes for corner in (shape.low, shape.high)
-    ]
-    span = float(np.ptp(np.array(corners), axis=0).max()) if corners else 1.0
-    return max(span, 1e-3)
+    corners = [data.oMi[one.joint].act(end) for one in shapes for end in (one.low, one.high)]
+    return max(float(np.ptp(corners, axis=0).max()), 1e-3) if corners else 1.0
 
 
 class Hub(NamedTuple):
@@ -56,24 +53,22 @@ def hub_of(robot: Robot, shapes: tuple[LinkShape, ...], joint: str, reach: float
     a wrist keep apart.
     """
     number, axis = robot.model.getJointId(joint), joint_axis(robot, joint)
-    parent = int(robot.model.parents[number])
-    here = robot.model.jointPlacements[number].inverse()
-    slim, margin, near = 0.034 * reach, 0.012 * reach, _NEAR * reach
-    own = [_box(s, pin.SE3.Identity(), near) for s in shapes if s.joint == number]
-    other = [_box(s, here, near) for s in shapes if s.joint == parent]
-    own, other = ([box for box in boxes if box.size] for boxes in (own, other))
+    slim, margin = 0.034 * reach, 0.012 * reach
+    places = number, int(robot.model.parents[number])
+    frames = pin.SE3.Identity(), robot.model.jointPlacements[number].inverse()
+    own, other = (
+        [box for s in shapes if s.joint == n and (box := _box(s, place, _NEAR * reach)).size]
+        for n, place in zip(places, frames, strict=True)
+    )
     touching = [b for b in own + other if (b[0] <= margin).all() and (b[1] >= -margin).all()]
     if not touching:
         return Hub(-margin, margin, slim)
     k = int(np.argmax(np.abs(axis)))
-    low = float(min(box[0, k] for box in touching))
-    high = float(max(box[1, k] for box in touching))
-    if axis[k] < 0.0:
-        low, high = -high, -low
-    sides = [np.delete(np.abs(box).max(axis=0), k) for box in own or other]
-    across = max(float(side.max()) for side in sides)
+    ends = np.sign(axis[k]) * np.array([box[:, k] for box in touching])
+    low, high = float(ends.min()), float(ends.max())
+    sides = np.array([np.delete(np.abs(box).max(axis=0), k) for box in own or other])
+    across, thick = float(sides.max()), float(sides.min(axis=1).max())
     if max(-low, high) <= across + margin:
-        thick = max(float(side.min()) for side in sides)
         return Hub(low - margin, high + margin, max(slim, min(_PIN * thick, 2.0 * slim)))
     middle = slim if high >= -low else -slim
     return Hub(middle - 0.5 * slim, middle + 0.5 * slim, across + margin)
@@ -84,16 +79,13 @@ def _box(shape: LinkShape, place: pin.SE3, near: float) -> FloatArray:
 
     Of a mesh only what is `near` [m] the frame's origin counts; (0,) if nothing is.
     """
-    mesh = getattr(shape.geometry, "vertices", None)
-    if mesh is None:
-        points = np.array([place.act(corner) for corner in shape.corners])
-    else:
-        whole = (place * shape.placement).homogeneous
-        points = np.asarray(mesh, dtype=np.float64) @ whole[:3, :3].T + whole[:3, 3]
+    points, mesh = shape.corners, getattr(shape.geometry, "vertices", None)
+    if mesh is not None:
+        points, place = np.asarray(mesh, dtype=np.float64), place * shape.placement
+    points = points @ place.rotation.T + place.translation
+    if mesh is not None:
         points = points[np.linalg.norm(points, axis=1) < near]
-        if not len(points):
-            return np.empty(0)
-    return np.array([points.min(axis=0), points.max(axis=0)])
+    return np.array([points.min(axis=0), points.max(axis=0)]) if len(points) else points
 
 
 _THICKNESS = 0.02  # [m] of a slab of the ground
@@ -129,9 +121,8 @@ def surface(terrain: Terrain | None, points: FloatArray) -> tuple[FloatArray, Fl
         case Stairs():
             heights = terrain.heights[np.searchsorted(terrain.edges, points[:, 0])]
         case _:
-            raise ViewError(
-                f"no picture of a {type(terrain).__name__}; give a Plane or Stairs to stand on."
-            )
+            way = "give a Plane or Stairs to stand on."
+            raise ViewError(f"no picture of a {type(terrain).__name__}; {way}")
     return heights, np.tile(normal, (len(points), 1))
 
 
@@ -152,10 +143,8 @@ def terrain_slabs(
     ends = [low, *(x for x in terrain.edges.tolist() if low < x < high), high]
     middles = [0.5 * (a + b) for a, b in pairwise(ends)]
     heights, _ = surface(terrain, np.array(middles)[:, None])
-    slabs = [
-        GroundSlab(np.eye(3), [x, 0.0, z], b - a, size)
-        for x, z, (a, b) in zip(middles, heights, pairwise(ends), strict=True)
-    ]
+    steps = zip(middles, heights, np.diff(ends), strict=True)
+    slabs = [GroundSlab(np.eye(3), [x, 0.0, z], width, size) for x, z, width in steps]
     for x, (below, above) in zip(ends[1:-1], pairwise(heights), strict=True):
         if below != above:  # a riser, which faces the lower side
             turn = np.asarray(pin.utils.rotate("y", -0.5 * np.pi * np.sign(above - below)))
@@ -207,11 +196,10 @@ def add_robot_scene(
     ball["ball"].set_object(mg.Sphere(radius), material(PURPLE, 1.0))
     ball["floor"].set_object(UprightCylinder(0.004 * reach, radius), material(PURPLE, 0.9))
     _put(ball["line"]["body"], UprightCylinder(1.0, 0.12 * radius), PURPLE, _shift(0.5), 0.8)
+    look = {"color": 0xA9B0BA, "opacity": ground_opacity, "transparent": ground_opacity < 1.0}
     for i, slab in enumerate(slabs):
         place = viewer["ground"][f"slab{i}"]
-        clear = ground_opacity < 1.0
-        matt = mg.MeshLambertMaterial(color=0xA9B0BA, opacity=ground_opacity, transparent=clear)
-        place.set_object(mg.Box([float(side) for side in slab.sides]), matt)
+        place.set_object(mg.Box(slab.sides.tolist()), mg.MeshLambertMaterial(**look))
         place.set_transform(slab.placement.homogeneous)
     return reach
 
@@ -233,16 +221,9 @@ def _put(place: Any, body: Any, colour: str, at: FloatArray, opacity: float = 1.
 
 def material(colour: str, opacity: float) -> mg.MeshPhongMaterial:
     """Return a surface of a colour written #RRGGBB."""
-    return mg.MeshPhongMaterial(
-        color=int(colour[1:], 16),
-        opacity=opacity,
-        transparent=opacity < 1.0,
-        depthWrite=opacity >= 1.0,
-        reflectivity=0.1,
-    )
+    seen = {"opacity": opacity, "transparent": opacity < 1.0, "depthWrite": opacity >= 1.0}
+    return mg.MeshPhongMaterial(color=int(colour[1:], 16), reflectivity=0.1, **seen)
 
 
 def _shift(height: float) -> FloatArray:
-    placement = np.eye(4)
-    placement[2, 3] = height
-    return placement
+    return np.asarray(pin.SE3(np.eye(3), np.array([0.0, 0.0, height])).homogeneous)

@@ -64,10 +64,8 @@ def _clustered(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntAr
 
 def along(direction: FloatArray) -> FloatArray:
     """Return the rotation (3, 3) that turns z into `direction` (3,)."""
-    turn = pin.Quaternion.FromTwoVectors(
-        np.array([0.0, 0.0, 1.0]), np.array(direction, dtype=float)
-    )
-    return np.asarray(turn.toRotationMatrix())
+    up = np.array([0.0, 0.0, 1.0])
+    return np.asarray(pin.Quaternion.FromTwoVectors(up, direction).toRotationMatrix())
 
 
 _NEUTRALS = ("#5F6B7A", "#8C98A8", "#B4BECB")
@@ -93,10 +91,8 @@ class LinkShape:
         self.low, self.high = (end + place.translation for end in (moved.min(0), moved.max(0)))
         self.corners = _box_corners(self.low, self.high)
         self.name, self.joint, self.placement = name, joint, place
-        self.geometry, self.colour = (
-            meshcat_geometry(body),
-            colour or _NEUTRALS[joint % len(_NEUTRALS)],
-        )
+        self.geometry = meshcat_geometry(body)
+        self.colour = colour or _NEUTRALS[joint % len(_NEUTRALS)]
 
 
 def _box_corners(low: FloatArray, high: FloatArray) -> FloatArray:

@@ -54,12 +54,12 @@ def design_map(
                 ax.plot(table[varied[0]][order], _finite(table[name])[order], color=theme.series[0])
             else:
                 _map(figure, ax, table, varied, name)
-            ax.set(
-                title=_label(name, units) + _missing(table[name]),
-                xlabel=_label(varied[0], units),
-                ylabel=_label(varied[1], units) if len(varied) > 1 else _label(name, units),
-            )
-            _scales(ax, varied, logarithmic)
+            across, up = (_label(one, units) for one in (*varied, name)[:2])
+            ax.set(title=_label(name, units) + _missing(table[name]), xlabel=across, ylabel=up)
+            for axis, one in zip(("x", "y"), varied, strict=False):
+                if one in logarithmic:
+                    ax.set(**{f"{axis}scale": "log"})
+                    plain_decades(getattr(ax, f"{axis}axis"))
     return figure
 
 
@@ -86,8 +86,7 @@ def pareto_figure(
     order = np.argsort(best[0])
     across, up, colour = best[0][order], best[1][order], front[coloured][order]
     with drawing(theme):
-        figure, grid = new_figure(1, 1, 6.2, 4.2)
-        ax = grid[0][0]
+        figure, (ax,) = panel_figure(1, 1, 6.2, 4.2)
         ax.plot(
             *map(_finite, all_of), ".", color=theme.ink, alpha=0.25, markersize=3,
             label="all designs", rasterized=True,
@@ -98,11 +97,8 @@ def pareto_figure(
             label="not beaten in both", norm=_norm(colour, coloured in _SHARES),
         )  # fmt: skip
         _bar(figure, ax, points, _label(coloured, units))
-        ax.set(
-            title="Pareto front",
-            xlabel=_label(objectives[0], units),
-            ylabel=_label(objectives[1], units),
-        )
+        x, y = (_label(name, units) for name in objectives)
+        ax.set(title="Pareto front", xlabel=x, ylabel=y)
         ax.legend()
     return figure
 
@@ -143,17 +139,7 @@ def plain_decades(axis: Axis) -> None:
 def _norm(values: FloatArray, share: bool) -> Normalize:
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
-    if not share and low > 0.0 and high > _DECADE * low:
-        return LogNorm(low, high)
-    return Normalize(low, high)
-
-
-def _scales(ax: Axes, varied: Sequence[str], logarithmic: Sequence[str]) -> None:
-    for axis, name in zip(("x", "y"), varied[:2], strict=False):
-        if name not in logarithmic:
-            continue
-        getattr(ax, f"set_{axis}scale")("log")
-        plain_decades(getattr(ax, f"{axis}axis"))
+    return (LogNorm if not share and high > _DECADE * low > 0.0 else Normalize)(low, high)
 
 
 def _varies(values: FloatArray) -> bool:
@@ -169,9 +155,8 @@ def _missing(values: FloatArray) -> str:
 
 
 def _label(name: str, units: Mapping[str, str]) -> str:
-    text = name.replace("_", " ")
     unit = units.get(name, "1")
-    return f"{text} [{'-' if unit == '1' else unit}]"
+    return f"{name.replace('_', ' ')} [{'-' if unit == '1' else unit}]"
 
 
 def experiment_figure(
@@ -192,7 +177,7 @@ def experiment_figure(
             motion stands alone without any.
         theme: page colours.
     """
-    units = list(dict.fromkeys(joints.values()))
+    units = dict.fromkeys(joints.values())
     panels = {
         f"position [{', '.join(units)}]": motion[0],
         f"velocity [{', '.join(f'{unit}/s' for unit in units)}]": motion[1],

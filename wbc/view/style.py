@@ -36,19 +36,14 @@ def drawing(theme: Theme = LIGHT) -> Iterator[None]:
         **dict.fromkeys((*inked, "xtick.color", "ytick.color"), theme.ink),
         "grid.color": theme.faint,
         "grid.linewidth": 0.6,
-        "axes.grid": True,
-        "axes.axisbelow": True,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
+        **dict.fromkeys(("axes.grid", "axes.axisbelow"), True),
+        **dict.fromkeys(("axes.spines.top", "axes.spines.right", "legend.frameon"), False),
         "axes.linewidth": 0.8,
         "axes.titlesize": 9.5,
         "axes.titlelocation": "left",
         "axes.titleweight": "bold",
         "axes.labelsize": 9,
-        "xtick.labelsize": 8,
-        "ytick.labelsize": 8,
-        "legend.fontsize": 8,
-        "legend.frameon": False,
+        **dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), 8),
         "lines.linewidth": 1.4,
         "font.family": "DejaVu Sans",
     }
@@ -57,13 +52,7 @@ def drawing(theme: Theme = LIGHT) -> Iterator[None]:
 
 
 def new_figure(
-    rows: int,
-    columns: int,
-    width: float,
-    height: float,
-    *,
-    share_x: bool = False,
-    heights: Sequence[float] | None = None,
+    rows: int, columns: int, width: float, height: float, *, share_x: bool = False
 ) -> tuple[Figure, list[list[Axes]]]:
     """Return a figure of `width` x `height` inches and its axes, row by row.
 
@@ -71,14 +60,11 @@ def new_figure(
         rows, columns: of axes.
         width, height: [inch].
         share_x: one x axis per column.
-        heights: (rows,) relative heights; all alike when left out.
     """
     figure = ShownFigure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.subplots(
-        rows, columns, squeeze=False, sharex="col" if share_x else False, height_ratios=heights
-    )
-    return figure, [list(row) for row in np.asarray(axes)]
+    axes = figure.subplots(rows, columns, squeeze=False, sharex="col" if share_x else False)
+    return figure, axes.tolist()
 
 
 def panel_figure(
@@ -117,10 +103,9 @@ def write_figure(path: str | Path, figure: Figure) -> Path:
         figure.set_layout_engine("none")
     # A date or a random name in the file would make equal plots unequal.
     metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
+    look: dict[str, Any] = {"format": kind, "dpi": _RESOLUTION, "metadata": metadata}
     with mpl.rc_context({"svg.hashsalt": "wbc", "svg.fonttype": "none"}):
-        return atomic_write(
-            path, lambda file: figure.savefig(file, format=kind, dpi=_RESOLUTION, metadata=metadata)
-        )
+        return atomic_write(path, lambda file: figure.savefig(file, **look))
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
