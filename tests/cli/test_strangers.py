@@ -16,9 +16,9 @@ from tests.columns import Columns, read_columns, write_columns
 from tests.conftest import Told
 from tests.outside import outside
 from wbc import load_robot
+from wbc.identification.readings.first_guess import guess_names
 from wbc.identification.readings.mistakes import told_by_rows
 from wbc.measurement import load_logs
-from wbc.measurement.guess import guess_names
 
 
 def stranger(folder: str) -> Path:

@@ -12,8 +12,8 @@ from hypothesis.extra.numpy import arrays
 
 from wbc.cli import main
 from wbc.errors import LogError
+from wbc.identification.readings.first_guess import guess_names
 from wbc.measurement import Log, load_log, load_logs, save_log
-from wbc.measurement.guess import guess_names
 from wbc.measurement.names import guess_name
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)

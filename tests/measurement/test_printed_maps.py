@@ -17,8 +17,8 @@ from wbc.effects import load_robot
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare
 from wbc.identification.readings import check_log, mistakes as suspicions
+from wbc.identification.readings.first_guess import guess_names
 from wbc.measurement import Log, load_logs
-from wbc.measurement.guess import guess_names
 from wbc.robot import Motion
 
 RATIOS = {"hip": 20.0, "knee": 20.0}

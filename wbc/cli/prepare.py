@@ -20,7 +20,6 @@ from wbc.files import as_json
 from wbc.identification.readings import LogQuality, check_logs, find_repeats, first_guess
 from wbc.identification.readings.checks import clock_rows
 from wbc.measurement import LogFinding, merged, read_table, write_map
-from wbc.measurement.guess import MapGuess, guess_names
 from wbc.measurement.log import short_label
 from wbc.robot.model_file import left_out
 
@@ -48,7 +47,7 @@ def run_check(options: Options, console: Console) -> Outcome:
     wrong = {f.text: f for q in qualities for f in q.findings if f.severity == "error"}
     write_fix(options, list(wrong.values()), console)
     content = {"logs": {quality.label: as_json(quality) for quality in qualities}}
-    return int(not all(quality.usable for quality in qualities)), content
+    return int(bool(wrong)), content
 
 
 def _remarks(qualities: Sequence[LogQuality]) -> list[str]:
@@ -66,38 +65,30 @@ def _remarks(qualities: Sequence[LogQuality]) -> list[str]:
 def _joined(group: Sequence[tuple[str, LogFinding]], logs: int) -> str:
     """Return one remark of findings that differ in logs, columns and numbers alone."""
     where = list(dict.fromkeys(label for label, _ in group))
-    first = group[0][1]
+    first, texts = group[0][1], [finding.text for _, finding in group]
     columns = list(dict.fromkeys(finding.column for _, finding in group))
     ways = []
     for line in first.way_out.splitlines():
         named = first.column and first.column in line
         ways += [line.replace(first.column, column) for column in columns] if named else [line]
-    text = _in_ranges([finding.text for _, finding in group])
-    said = replace(first, column=", ".join(columns), text=text, way_out="\n".join(ways))
-    if logs == 1:
-        return str(said)
-    return f"{f'all {logs} logs' if len(where) == logs else ', '.join(where)}: {said}"
-
-
-def _in_ranges(texts: Sequence[str]) -> str:
-    """Return a text whose numbers run from the least to the most of those in several."""
+    # Its numbers run from the least to the most of those in all texts.
     numbers = zip(*map(_NUMBER.findall, texts), strict=True)
     each = (sorted(dict.fromkeys(found), key=float) for found in numbers)
     ranges = (own[0] if len(own) == 1 else f"{own[0]}…{own[-1]}" for own in each)
-    return _NUMBER.sub(lambda _: next(ranges), texts[0])
+    text = _NUMBER.sub(lambda _: next(ranges), texts[0])
+    said = replace(first, column=", ".join(columns), text=text, way_out="\n".join(ways))
+    place = f"all {logs} logs" if len(where) == logs else ", ".join(where)
+    return str(said) if logs == 1 else f"{place}: {said}"
 
 
 def _answer(qualities: Sequence[LogQuality], remarks: int, quiet: bool) -> str:
     """Return in a sentence whether the logs can be used."""
-    wrong = [short_label(quality.label) for quality in qualities if not quality.usable]
-    if wrong:
+    if wrong := ", ".join(short_label(one.label) for one in qualities if not one.usable):
         why = " Why: the same command without --quiet." if quiet else ""
-        return f"do not use yet: {', '.join(wrong)} would give wrong results.{why}"
-    if not remarks:
-        return "nothing to complain about"
+        return f"do not use yet: {wrong} would give wrong results.{why}"
     many = "one remark" if remarks == 1 else f"{remarks} remarks"
     told = f"{many} (printed without --quiet)" if quiet else "the remarks below"
-    return f"these logs can be used, with {told}."
+    return f"these logs can be used, with {told}." if remarks else "nothing to complain about"
 
 
 def run_init(options: Options, console: Console) -> Outcome:
@@ -118,23 +109,19 @@ def run_init(options: Options, console: Console) -> Outcome:
     joints = first_guess.model_joints(model, options.base) if robot is None else robot.single_joints
     if not options.logs:
         _describe(options, description, joints, say, shared=True)
-        say(
-            f"{len(joints)} gears share one table; a joint with another gear gets its own, for "
-            f"example [gears.{joints[0]}]"
-        )
+        apart = f"a joint with another gear gets its own, for example [gears.{joints[0]}]"
+        say(f"{len(joints)} gears share one table; {apart}")
         say(f'next: wbc.load_robot("{description}") for wbc.control and wbc.sim')
         return 0, {}
     first = Path(str(options.logs[0]).partition("#")[0])
-    start = guess_names(first, joints, known)
+    start = first_guess.guess_names(first, joints, known)
     if robot is None:
         driven, targets, held = _drives(start, joints, say)
         ratios = first_guess.guess_ratios(first, driven, known)
         _describe(options, description, driven, say, targets=targets, held=held, ratios=ratios)
         if held:
-            say(
-                f"no column with the position of {', '.join(held)}: lock in {description} holds "
-                "them at zero; if they moved, record their positions"
-            )
+            locked = "holds them at zero; if they moved, record their positions"
+            say(f"no column with the position of {', '.join(held)}: lock in {description} {locked}")
         robot = load_robot(description)
     try:
         guess = first_guess.guess_map(robot, options.logs, start)
@@ -147,10 +134,8 @@ def run_init(options: Options, console: Console) -> Outcome:
     for reason in reasons:
         say(f"  {reason}")
     for joint, (own, share) in guess.told.items():
-        say(
-            f"  {joint}: motion and torque alone tell its columns with {100.0 * own:.0f} %, and "
-            f"explain {100.0 * share:.0f} % of its torque"
-        )
+        told = f"with {100.0 * own:.0f} %, and explain {100.0 * share:.0f} % of its torque"
+        say(f"  {joint}: motion and torque alone tell its columns {told}")
     console.print(f"wrote {columns}")
     for finding in guess.lacking:
         console.print(spoken(f"not found: {finding.said}"))
@@ -161,7 +146,7 @@ def run_init(options: Options, console: Console) -> Outcome:
 
 
 def _drives(
-    start: MapGuess, joints: Sequence[str], say: Callable[[str], None]
+    start: first_guess.MapGuess, joints: Sequence[str], say: Callable[[str], None]
 ) -> tuple[Sequence[str], Sequence[str], list[str]]:
     """Return the joints with a drive, those driven by targets, and those that nobody recorded."""
     # Where other drives report a torque, a joint with a target alone has no drive.

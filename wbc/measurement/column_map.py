@@ -58,13 +58,8 @@ Mend: TypeAlias = Mapping[str, Any]
 """A map as a table. Its sources are channels of the log as it was read where it mends a log, for
 example `{"columns": {"hip.velocity": {"sign": -1}}}`."""
 
-ENCODER_RATES = {
-    "position": "",
-    "velocity": "/s",
-    "acceleration": "/s^2",
-    "target_position": "",
-    "target_velocity": "/s",
-}
+ENCODER_RATES = {"position": "", "velocity": "/s", "acceleration": "/s^2"}
+ENCODER_RATES |= {"target_position": "", "target_velocity": "/s"}
 """Quantities that turn with the encoder of a joint -> what their unit has more than its."""
 SECTIONS: Mapping[str, Any] = {
     **{"rows": {"split": "log"}, "time": {"from": "t"}, "columns": {"hip.position": "q1"}},
@@ -106,9 +101,11 @@ def _checked(
             known = {str: "a text", float: "a finite number", bool: "true or false"}
             said = known.get(type(like), f"a value such as {like!r}")
             said = f"one of {', '.join(like)}" if isinstance(like, tuple) else said
-            said = f"a table such as {lines({key: like})[0]}" if isinstance(like, dict) else said
             own = f"{place}.{key}" if kind == "key" else f"{place}: {key}"
-            raise LogError(f"{own}: {said} is expected, got {value!r}.")
+            told = f"{said} is expected, got {value!r}"
+            if isinstance(like, dict):
+                told = f"a table is expected, such as {lines({key: like})[0]}"
+            raise LogError(f"{own}: {told}.")
     return dict(table)
 
 

@@ -177,10 +177,9 @@ def _folds(values: FloatArray) -> int:
     width = _FOLD_ROWS
     if values.size < 10 * width:
         return 0
-    low = values <= _NEAR_ZERO * float(np.quantile(values, 0.99))
     slope = (values[width:] - values[:-width]) / width
     steep = 0.5 * float(np.sqrt(np.mean(slope**2)))
-    starts, ends = true_runs(low)
+    starts, ends = true_runs(values <= _NEAR_ZERO * float(np.quantile(values, 0.99)))
     rows = (starts + ends - 1) // 2
     rows = rows[(rows >= width) & (rows < values.size - width)]
     return int(np.count_nonzero((slope[rows - width] < -steep) & (slope[rows] > steep)))

@@ -151,11 +151,9 @@ class Log(Remade):
             )
         names = [str(name) for name in held]
         require_known(LogError, "column", schema.TIME, names, "log in memory")
-        columns = {
-            n: np.asarray(frame[n]) for n in names if n != schema.TIME and schema.is_column(n)
-        }
-        ignored = tuple(name for name in names if name != schema.TIME and name not in columns)
-        return cls(np.asarray(frame[schema.TIME]), columns, LogSource(ignored=ignored))
+        columns = {name: np.asarray(frame[name]) for name in names if schema.is_column(name)}
+        ignored = tuple(name for name in names if name not in columns)
+        return cls(columns.pop(schema.TIME), columns, LogSource(ignored=ignored))
 
     def __len__(self) -> int:
         """N, the number of rows."""
@@ -236,9 +234,8 @@ class Log(Remade):
             LogError: one of them lacks the channel.
         """
         chosen = self.with_quantity(quantity) if owner_names is None else owner_names
-        stacked = np.empty((len(self), len(chosen)))
-        for k, owner in enumerate(chosen):
-            stacked[:, k] = self.column(f"{owner}.{quantity}")
+        columns = [self.column(f"{owner}.{quantity}") for owner in chosen]
+        stacked = np.column_stack(columns) if columns else np.empty((len(self), 0))
         stacked.setflags(write=False)
         return stacked
 
@@ -250,10 +247,9 @@ class Log(Remade):
         """
         first, last = map(int, np.searchsorted(self.time, [start, stop]))
         if last - first < 2:
-            raise LogError(
-                f"{self.source.label}: fewer than two rows between {start:g} s and {stop:g} s; "
-                f"the log runs from {self.time[0]:g} s to {self.time[-1]:g} s."
-            )
+            ends = f"the log runs from {self.time[0]:g} s to {self.time[-1]:g} s"
+            lacks = f"fewer than two rows between {start:g} s and {stop:g} s"
+            raise LogError(f"{self.source.label}: {lacks}; {ends}.")
         return self[first:last]
 
     def select(self, names: Iterable[str]) -> Log:
@@ -394,18 +390,16 @@ def cut_at_gaps(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
         long = [piece for piece in _pieces(log, cuts) if piece.duration >= _LEAST_DURATION]
         kept = sum(map(len, long))
         if kept < 0.5 * len(log):
-            raise LogError(
-                f"{log.source.label}: {where}, and only {kept} of {len(log)} rows are left in "
-                "pieces long enough to be used. Record with the drive's own clock, without losses."
-            )
+            left = f"only {kept} of {len(log)} rows are left in pieces long enough to be used"
+            way = "Record with the drive's own clock, without losses."
+            raise LogError(f"{log.source.label}: {where}, and {left}. {way}")
         spans = [f"{piece.time[0]:.3f}..{piece.time[-1]:.3f} s" for piece in long]
         for piece, span in zip(long, spans, strict=True):
             part = f"{log.source.part} {span}".lstrip()
             whole.append(replace(piece, source=replace(log.source, part=part)))
-        warnings.append(
-            f"{log.source.label}: {where}. The log is cut there; used are {', '.join(spans)}. Runs "
-            "cut in different places are not seen to repeat one another."
-        )
+        used = f"The log is cut there; used are {', '.join(spans)}."
+        way = "Runs cut in different places are not seen to repeat one another."
+        warnings.append(f"{log.source.label}: {where}. {used} {way}")
     return whole, warnings
 
 

@@ -155,12 +155,11 @@ def _owner(words: Sequence[str]) -> str:
 
 def series(names: Sequence[str]) -> list[str]:
     """Return the names that differ in one number alone and count without a hole, in their order."""
-    groups: dict[tuple[str, ...], dict[int, str]] = {}
+    groups: dict[tuple[str, str], dict[int, str]] = {}
     for name in names:
-        parts = re.split(r"(\d+)", name)
-        for k in range(1, len(parts), 2):
-            key = (*parts[:k], "#", *parts[k + 1 :])
-            groups.setdefault(key, {})[int(parts[k])] = name
+        for number in re.finditer(r"\d+", name):
+            key = name[: number.start()], name[number.end() :]
+            groups.setdefault(key, {})[int(number[0])] = name
     longest = max(groups.values(), key=len, default={})
     ends = sorted(longest)
     whole = len(ends) > 1 and ends[0] in (0, 1) and ends[-1] - ends[0] == len(ends) - 1
@@ -251,7 +250,7 @@ def _quantity(tokens: list[str]) -> tuple[str, list[str]]:
     for quantity, words in _QUANTITIES.items():
         for k, token in enumerate(tokens):
             single = re.sub(r"(?<=..)(ie)?s$", lambda end: "y" if end[1] else "", token)
-            if token in words or single in words:
+            if {token, single} & {*words}:
                 # A topic and its field often say the same: /torques/hip/effort.
                 left = [t for t in tokens[k + 1 :] if len(t) < 3 or t not in words]
                 return quantity, tokens[:k] + left

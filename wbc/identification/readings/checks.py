@@ -18,14 +18,7 @@ from wbc.identification.records.contacts import moving_contact
 from wbc.identification.records.drives import tells_torque
 from wbc.measurement import checks as alone
 from wbc.measurement.column_map import Mend, merged, say_so, together
-from wbc.measurement.log import (
-    CERTAIN,
-    Log,
-    LogFinding,
-    cut_at_gaps,
-    short_label,
-    too_short,
-)
+from wbc.measurement.log import CERTAIN, Log, LogFinding, cut_at_gaps, short_label, too_short
 from wbc.measurement.names import unread
 from wbc.measurement.read import mended
 from wbc.measurement.schema import FREE_POSE, REPORTED
@@ -47,9 +40,8 @@ def require_robot_and_logs(robot: Robot, logs: Sequence[Log]) -> None:
             else in place of a log, or a robot whose description has no gears.
     """
     if not isinstance(robot, Robot):
-        raise IdentificationError(
-            f"a robot is expected first, not {robot!r}; load it with load_robot(...)."
-        )
+        way = "load it with load_robot(...)."
+        raise IdentificationError(f"a robot is expected first, not {robot!r}; {way}")
     require_logs(logs)
     if not robot.transmission.size:
         raise IdentificationError(
@@ -70,9 +62,8 @@ def require_logs(logs: Sequence[Log]) -> None:
     if isinstance(logs, Log):
         raise IdentificationError("a sequence of logs is expected; give one log as [log].")
     several = isinstance(logs, Iterable) and not isinstance(logs, str | Path)
-    odd = [one for one in (logs if several else [logs]) if not isinstance(one, Log)]
-    if odd:
-        said = repr(odd[0] if several else str(odd[0]))
+    for odd in (one for one in (logs if several else [logs]) if not isinstance(one, Log)):
+        said = repr(odd if several else str(odd))
         way = "read files with load_logs([...])."
         raise IdentificationError(f"logs are expected, not {said}; {way}")
 
@@ -102,11 +93,9 @@ def without_copies(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
     """
     require_logs(logs)
     copies = {copy: first for first, *others in alone.find_duplicates(logs) for copy in others}
-    warnings = [
-        f"{logs[copy].source.label} holds the same data as {logs[first].source.label} and is left "
-        "out; record the motion again for a repeat."
-        for copy, first in copies.items()
-    ]
+    named = {logs[copy].source.label: logs[first].source.label for copy, first in copies.items()}
+    told = "and is left out; record the motion again for a repeat."
+    warnings = [f"{copy} holds the same data as {first} {told}" for copy, first in named.items()]
     return [log for k, log in enumerate(logs) if k not in copies], warnings
 
 
@@ -130,14 +119,12 @@ def check_ranges(log: Log, robot: Robot | None = None) -> Iterator[LogFinding]:
     for joint in log.with_quantity("position"):
         name = f"{joint}.position"
         low, high = float(log.column(name).min()), float(log.column(name).max())
-        lower, upper = -np.inf, np.inf
+        bounded, lower, upper, spare = False, -np.inf, np.inf, 0.0
         if robot is not None and joint in robot.single_joints:
             row = robot.position_index(joint)
             limits = robot.model.lowerPositionLimit[row], robot.model.upperPositionLimit[row]
-            if limits[0] < limits[1] and abs(limits[1]) < 1e6:
-                lower, upper = map(float, limits)
-        bounded = np.isfinite(upper - lower)
-        spare = 0.05 * (upper - lower) if bounded else 0.0
+            if bounded := bool(-1e6 < limits[0] < limits[1] < 1e6):
+                (lower, upper), spare = map(float, limits), 0.05 * float(limits[1] - limits[0])
         lowest, highest = lower - spare, upper + spare
         seen, mend = f"it runs from {low:.4g} to {high:.4g}", in_degrees(log, [joint])
         if low < lowest or high > highest:
@@ -165,17 +152,16 @@ def _with_holes(log: Log, robot: Robot) -> list[LogFinding]:
     for joint in robot.transmission.joints:
         quantities = ("joint_torque",) if joint in robot.sensor_only else _TORQUES
         names = [f"{joint}.{quantity}" for quantity in quantities]
-        if not any(log.has(name) for name in names):
-            needed += [*names, f"{joint}.target_position"]
-    held = [name for name in needed if name in log.source.unusable]
+        needed += [] if any(map(log.has, names)) else [*names, f"{joint}.target_position"]
+    held = {name: log.source.holes[name] for name in needed if name in log.source.unusable}
     if not held:
         return []
-    mend: Mend = {"columns": {name: {"missing": log.source.holes[name]} for name in held}}
-    rows = log.source.unusable[held[0]].partition(". ")[0]
-    text = f"{', '.join(held)} {'is' if len(held) == 1 else 'are'} needed, and {rows}."
-    bridged = "bridge" in [log.source.holes[name] for name in held]
-    way = say_so(mend, f"To {'bridge' if bridged else 'drop'} these rows, say so")
-    return [LogFinding("error", "missing", held[0], text, way, mend)]
+    mend: Mend = {"columns": {name: {"missing": way} for name, way in held.items()}}
+    first, verb = next(iter(held)), "is" if len(held) == 1 else "are"
+    rows = log.source.unusable[first].partition(". ")[0]
+    way = say_so(mend, f"To {'bridge' if 'bridge' in held.values() else 'drop'} these rows, say so")
+    text = f"{', '.join(held)} {verb} needed, and {rows}."
+    return [LogFinding("error", "missing", first, text, way, mend)]
 
 
 def _unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
@@ -191,10 +177,8 @@ def _unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
         return None
     held = log.with_quantity("position")
     strange = [name for name in held if name not in robot.joints]
-    text = (
-        f"no position of {', '.join(missing)} of '{robot.name}'; the log has those of "
-        f"{', '.join(held) or 'no joint'}."
-    )
+    text = f"no position of {', '.join(missing)} of '{robot.name}'; the log has those of "
+    text += f"{', '.join(held) or 'no joint'}."
     way, mend = unread(log.source.ignored, [f"{name}.position" for name in missing])
     if len(mend.get("columns", {})) == len(missing):
         return LogFinding("error", "joints_unknown", "", text, way, mend)
@@ -210,9 +194,9 @@ def _unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
         return LogFinding("error", "joints_unknown", "", text, way, mend)
     way += "\n" if way else ""
     way += "Give the robot of these logs, or name the columns in a column map (--columns MAP.toml)."
-    if placed := [name for name in missing if name in speeds]:
-        way += f" The velocity of {', '.join(placed)} alone is not enough: gravity or inertia "
-        way += "there depends on the position."
+    if placed := ", ".join(name for name in missing if name in speeds):
+        way += f" The velocity of {placed} alone is not enough: gravity or inertia there depends "
+        way += "on the position."
     way += " Joints that never moved are held still by a line at the top of robot.toml:"
     return LogFinding("error", "joints_unknown", "", text, f"{way}\n    lock = {missing}", mend)
 
@@ -225,34 +209,29 @@ def _without_base(log: Log, robot: Robot) -> Iterator[LogFinding]:
     if lacking:
         kinds = " and ".join(dict.fromkeys(name.split(".")[1] for name in lacking))
         text = f"no {kinds} of the base of '{robot.name}', which is free: {', '.join(lacking)} "
-        way = (
-            "Record where the robot is, from motion capture or a state estimator, as metres and as "
-            "a unit quaternion (body to world). If the base is held, give the robot with its fixed "
-            f"base. {unread(log.source.ignored, lacking)[0]}"
-        ).rstrip()
-        yield LogFinding("error", "no_base_pose", "", f"{text}needed.", way)
+        way = "Record where the robot is, from motion capture or a state estimator, as metres and "
+        way += "as a unit quaternion (body to world). If the base is held, give the robot with its "
+        way += f"fixed base. {unread(log.source.ignored, lacking)[0]}"
+        yield LogFinding("error", "no_base_pose", "", f"{text}needed.", way.rstrip())
     elif robot.floating_size and names and not told:
         text = f"no force and no flag of the contacts {', '.join(names)}: only logs in which the "
         text += "robot stands on all of them can be used."
-        moved = None
+        severity = "warning"
         with suppress(LogError):  # of positions that cannot be used others speak
-            moved = moving_contact(robot, positions(robot, log)[:: max(1, len(log) // _PLACES)])
-        if moved is not None:
-            text += f" In this one '{moved[0]}' moves by {moved[1]:.2g} m."
-        way = (
-            f"Record {names[0]}.force.x, .y and .z [N], or {names[0]}.active, 1 while it touches "
-            "and else 0, and so on. "
-            f"{unread(log.source.ignored, [f'{name}.force.z' for name in names])[0]}"
-        ).rstrip()
-        severity = "warning" if moved is None else "error"
-        yield LogFinding(severity, "no_contact_force", "", text, way)
+            places = positions(robot, log)[:: max(1, len(log) // _PLACES)]
+            if moved := moving_contact(robot, places):
+                severity = "error"
+                text += f" In this one '{moved[0]}' moves by {moved[1]:.2g} m."
+        way = f"Record {names[0]}.force.x, .y and .z [N], or {names[0]}.active, 1 while it touches "
+        way += "and else 0, and so on. "
+        way += unread(log.source.ignored, [f"{name}.force.z" for name in names])[0]
+        yield LogFinding(severity, "no_contact_force", "", text, way.rstrip())
 
 
 def _without_torque(log: Log, robot: Robot) -> Iterator[LogFinding]:
     """Yield what to do about drives whose torque nothing tells."""
     gears = robot.transmission if log.machine is None else log.machine.transmission
-    bare = [j for j in robot.sensor_only if not log.recorded(f"{j}.joint_torque")]
-    if bare:
+    if bare := [j for j in robot.sensor_only if not log.recorded(f"{j}.joint_torque")]:
         names = ", ".join(f"{joint}.joint_torque" for joint in bare)
         text = f"'{robot.name}' describes no gear of {', '.join(bare)} but a torque sensor, so "
         text += f"{names} {'is' if len(bare) == 1 else 'are'} needed."
@@ -260,8 +239,7 @@ def _without_torque(log: Log, robot: Robot) -> Iterator[LogFinding]:
         yield LogFinding("error", "no_torque", "", text, way)
     gained = np.isfinite(gears.position_gain) | np.isfinite(gears.duty_gain)
     lacking, silent, aimed = [], [], []
-    tells = tells_torque(log, gears)
-    for k, (joint, made) in enumerate(zip(gears.joints, tells, strict=True)):
+    for k, (joint, made) in enumerate(zip(gears.joints, tells_torque(log, gears), strict=True)):
         told = [name for name in _TORQUES if log.recorded(f"{joint}.{name}")]
         aims = log.recorded(f"{joint}.target_position")
         if joint in bare:
@@ -356,16 +334,15 @@ def check_logs(logs: Sequence[Log], robot: Robot | None = None) -> tuple[LogQual
     """
     pieces = []
     for log in logs:
-        try:
-            pieces.append(cut_at_gaps([log])[0])
-        except LogError:  # a diagnosis uses no part of it
-            pieces.append([log])
+        pieces.append([log])
+        with suppress(LogError):  # a diagnosis uses no part of it
+            pieces[-1] = cut_at_gaps([log])[0]
     used = [piece for own in pieces for piece in own]
     told = iter(mistakes.find_suspicions(used, robot))
     suspected = [list({f.text: f for _ in own for f in next(told)}.values()) for own in pieces]
     each = [_quality(log, robot, own) for log, own in zip(logs, suspected, strict=True)]
-    still = [] if robot is None else [mistakes.motionless(robot, used)]
-    more = [*alone.check_set(logs), *filter(None, still)]
+    still = None if robot is None else mistakes.motionless(robot, used)
+    more = [*alone.check_set(logs), *([still] if still else [])]
     each[0] = replace(each[0], findings=_gravest_first([*each[0].findings, *more]))
     return tuple(each)
 
@@ -385,16 +362,10 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
         *alone.check_reading(log, lacks),
     ]
     steps = np.diff(log.time)
-    return LogQuality(
-        label=log.source.label,
-        rows=len(log),
-        duration=log.duration,
-        rate=1.0 / log.sample_time,
-        jitter=float(np.std(steps) / np.median(steps)),
-        longest_gap=float(steps.max()),
-        resolution={name: alone.resolution(values) for name, values in log.columns.items()},
-        findings=_gravest_first(findings),
-    )
+    jitter, longest = float(np.std(steps) / np.median(steps)), float(steps.max())
+    fine = {name: alone.resolution(values) for name, values in log.columns.items()}
+    clock = log.duration, 1.0 / log.sample_time, jitter, longest
+    return LogQuality(log.source.label, len(log), *clock, fine, _gravest_first(findings))
 
 
 def _gravest_first(findings: Sequence[LogFinding]) -> tuple[LogFinding, ...]:

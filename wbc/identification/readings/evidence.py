@@ -131,29 +131,18 @@ def report(rows: LogRows, need: Need, joint: int, reported: FloatArray, samples:
     bounded = np.where(inertia < found[-1], bounded, free)
     likely, heavy = log_likelihood(bounded, count), -inf
     if rotor > 0.0:
-        likely = likely + _rotor_prior(inertia / (gains * rotor))
+        away = np.log(np.maximum(inertia / (gains * rotor), 1e-300)) / _ROTOR_SPREAD
+        likely = likely + np.maximum(-0.5 * away**2, _ROTOR_WRONG)
         likely = np.maximum(likely, log_likelihood(held, count))
     else:
         heavy = float(_log_sum((GAIN_PRIOR + log_likelihood(free, count))[_USUAL]))
     own, target = reduced[:, :-2] / size, reduced[:, -1]
     idle = _EITHER_WAY + float(log_likelihood(_free_misfits([own], [target]), count)[0])
-    return Report(
-        gains=likely - 0.5 * _excess(size, need.whole[:, joint], _MOST) ** 2,
-        left=float(bounded[np.argmax(likely)]),
-        idle=idle + UNRELATED - 0.5 * _excess(size, need.whole[:, joint], _IDLE) ** 2,
-        causes=own,
-        target=target,
-        samples=count,
-        size=size,
-        heavy=heavy,
-        ratios=log_likelihood(ratios, count),
-    )
-
-
-def _rotor_prior(times: FloatArray) -> FloatArray:
-    """Return the log prior of rotors that have so many times the inertia of their data sheet."""
-    away = np.log(np.maximum(times, 1e-300)) / _ROTOR_SPREAD
-    return np.maximum(-0.5 * away**2, _ROTOR_WRONG)
+    likeliest = float(bounded[np.argmax(likely)])
+    likely = likely - 0.5 * _excess(size, need.whole[:, joint], _MOST) ** 2
+    idle += UNRELATED - 0.5 * _excess(size, need.whole[:, joint], _IDLE) ** 2
+    told = log_likelihood(ratios, count)
+    return Report(likely, told, own, target, likeliest, idle, count, size, heavy)
 
 
 def ratio_evidence(reports: Sequence[Sequence[Report]]) -> tuple[float, float]:
@@ -229,7 +218,7 @@ def _free_misfits(causes: Sequence[FloatArray], targets: Sequence[FloatArray]) -
 
 def _excess(size: float, need: FloatArray, most: float) -> float:
     """Return by how many standard deviations a report is larger than so many times the need."""
-    share = size / max(float(np.sqrt(np.sum((need - need.mean()) ** 2))), 1e-300)
+    share = size / max(float(np.std(need)) * np.sqrt(need.size), 1e-300)
     return max(0.0, float(np.log(share / most))) / GAIN_SPREAD
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, product
-from math import degrees, inf, log as ln
+from math import degrees, exp, inf, log as ln
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -30,9 +30,7 @@ Zero: TypeAlias = tuple[int, float, float, tuple[int, ...]]
 # How far turning joints travel in a log [rad]: 32 joints of seven recorded robots have a median of
 # 1.8 and a standard deviation of the logarithm of 0.84. One in ten may be anything else.
 _TRAVEL, _TRAVEL_SPREADS = 1.8, ((0.9, 0.84), (0.1, 1.5))
-_HELD = _TRAVEL * float(
-    np.exp(-3.0 * _TRAVEL_SPREADS[0][1])
-)  # a joint that is held trembles by anything
+_HELD = _TRAVEL * exp(-3.0 * _TRAVEL_SPREADS[0][1])  # a joint that is held trembles by anything
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,10 +175,8 @@ def _late(rows: LogRows, lags: Sequence[Lag]) -> Iterator[Reading]:
     for joints, lag in lags:
         lag = float(f"{lag:.1g}")  # joints and logs differ in the next digit
         late = [rows.torques[k] for k in joints]
-        text = (
-            f"{listed(late)} {'lags' if len(late) == 1 else 'lag'} by {1e3 * lag:.0f} ms: "
-            "a delay, or a low-pass as long"
-        )
+        text = f"{listed(late)} {'lags' if len(late) == 1 else 'lag'} by {1e3 * lag:.0f} ms"
+        text += ": a delay, or a low-pass as long"
         yield _mended("torque_late", text, _SOMEWHERE, {name: {"lag": lag} for name in late})
 
 

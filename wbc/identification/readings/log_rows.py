@@ -40,9 +40,7 @@ class LogRows:
     Attributes:
         robot: without effects that act on torques; bodies and gears are as given.
         log: the whole log.
-        position: q (N, nq), smoothed.
-        velocity: v (N, nv).
-        acceleration: a (N, nv).
+        motion: q (N, nq), v and a (N, nv), smoothed.
         whole: (n, m) reported torque on all rows of an even clock, N times that on the rotor [N m].
         kept: (N,) those of its rows that the motion is on.
         rate: of that clock [Hz].
@@ -57,9 +55,7 @@ class LogRows:
 
     robot: Robot
     log: Log
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
+    motion: Motion
     whole: FloatArray
     kept: IntArray
     rate: float
@@ -90,9 +86,8 @@ class LogRows:
     @cached_property
     def weighs(self) -> bool:
         """Whether gravity is part of what the links need, and no sensor stands for them."""
-        robot = self.robot
-        still = Motion(self.position, 0.0 * self.velocity, 0.0 * self.velocity)
-        held = link_torque(robot, still)[:, robot.actuated]
+        robot, still = self.robot, 0.0 * self.motion.velocity
+        held = link_torque(robot, Motion(self.motion.position, still, still))[:, robot.actuated]
         known = np.isnan(self.sensed).all() and not robot.floating_size
         return bool(known and np.any(np.std(held, axis=0) > _ROUNDING))
 
@@ -116,14 +111,14 @@ class LogRows:
             offset: (n,) ... and this added to the positions.
             weight: share of gravity that is part of the need.
         """
-        robot = self.robot
-        q, v, a = self.position.copy(), self.velocity.copy(), self.acceleration.copy()
+        robot, given = self.robot, self.motion
+        q, v, a = map(np.array, (given.position, given.velocity, given.acceleration))
         at = np.array([robot.position_index(name) for name in robot.single_joints], dtype=np.int_)
         to = np.array([robot.velocity_index(name) for name in robot.single_joints], dtype=np.int_)
         order = np.arange(at.size) if order is None else order
-        q[:, at] = factor * self.position[:, at[order]] + offset
-        v[:, to] = factor * self.velocity[:, to[order]]
-        a[:, to] = factor * self.acceleration[:, to[order]]
+        q[:, at] = factor * q[:, at[order]] + offset
+        v[:, to] = factor * v[:, to[order]]
+        a[:, to] = factor * a[:, to[order]]
         contacts = contact_torque(robot, q, self.forces)
         motion = Motion(q, v, a)
         if robot.has_free_flyer:
@@ -133,11 +128,9 @@ class LogRows:
             links = links - (1.0 - weight) * link_torque(robot, Motion(q, 0.0 * v, 0.0 * a))
         rotor, _ = rotor_torque(robot, motion, links, contacts)
         gears = robot.transmission
-        lift = gears.motor_from_joint.T
-        speed, change = v[:, robot.actuated] @ lift, a[:, robot.actuated] @ lift
+        speed, change = (x[:, robot.actuated] @ gears.motor_from_joint.T for x in (v, a))
         rotors = gears.reflected_inertia * change
-        links = rotor * gears.gear_ratio - rotors
-        links = np.where(np.isnan(self.sensed), links, self.sensed)
+        links = np.where(np.isnan(self.sensed), rotor * gears.gear_ratio - rotors, self.sensed)
         return Need(links, links + rotors, speed, change)
 
 
@@ -171,13 +164,8 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     own = robot if log.machine is None else log.machine.of(robot)
     joints, resting = own.transmission.joints, resting_joints(log)
     quantities = torque_sources(log, own.transmission)
-    if (
-        too_short(log)
-        or not joints
-        or without_position(own, log)
-        or not {*quantities} <= {*REPORTED}
-        or resting >= {*own.single_joints}
-    ):
+    lacking = too_short(log) or not joints or without_position(own, log)
+    if lacking or not {*quantities} <= {*REPORTED} or resting >= {*own.single_joints}:
         return None
     # Behind gears that drive several joints nothing says whose need a sensor measures.
     serial = np.array_equal(own.transmission.topology, np.eye(len(joints)))
@@ -195,8 +183,7 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     reported = told.torque * own.transmission.gear_ratio
     torque, behind = (low_pass(x, cutoff, rate, _ORDER) for x in (reported, told.sensed))
     inside = slice(int(_EDGE * length), length - int(_EDGE * length))
-    pairs = zip(reported[inside].T, torque[inside].T, strict=True)
-    if not any(_follows(raw, slow, 2.0 * cutoff / rate) for raw, slow in pairs):
+    if not _follows(reported[inside], torque[inside], 2.0 * cutoff / rate):
         return None
     shares = [reported_share(own.transmission, k, name) for k, name in enumerate(quantities)]
     thin = np.arange(length)[inside][:: max(1, length // _ROWS)]
@@ -205,14 +192,12 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     sensed = np.full_like(torque, np.nan)
     sensed[:, [joints.index(joint) for joint in sensors]] = behind
     # What holds a joint at rest is stiction, too: its torque may be any within it.
-    samples = np.array([_samples(column) for column in torque[inside].T])
+    samples = _samples(torque[inside])
     samples[[joint in resting for joint in joints]] = 0.0
     rows = LogRows(
         robot=own.with_acting(()),
         log=whole,
-        position=position[thin],
-        velocity=velocity[thin],
-        acceleration=derivative(velocity, rate)[thin],
+        motion=Motion(position[thin], velocity[thin], derivative(velocity, rate)[thin]),
         whole=torque,
         kept=thin,
         rate=rate,
@@ -230,21 +215,20 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
 
 
 def _follows(reported: FloatArray, slow: FloatArray, band: float) -> bool:
-    """Whether a report holds more in the band of the motion than white noise would.
+    """Whether any report holds more in the band of the motion than white noise would.
 
     Noise of a drive has the same power at all frequencies, so what lies above the band tells how
     much of it lies in the band. The two variances then have the ratio of Fisher's F. (Where filters
     have not settled the ratio is up to 1.5 times as large: the ends of the log are left out.)
 
     Args:
-        reported: (N,) torque.
-        slow: (N,) its part in the band.
+        reported: (N, m) torques.
+        slow: (N, m) their parts in the band.
         band: of the motion, as a share of half the sample rate.
     """
-    inside, outside = float(np.var(slow)), float(np.var(reported - slow))
-    counts = band * slow.size, (1.0 - band) * slow.size
-    limit = float(stats.f.isf(_CHANCE, *counts))
-    return inside / band > limit * outside / (1.0 - band)
+    inside, outside = np.var(slow, axis=0), np.var(reported - slow, axis=0)
+    limit = float(stats.f.isf(_CHANCE, band * len(slow), (1.0 - band) * len(slow)))
+    return bool(np.any(inside / band > limit * outside / (1.0 - band)))
 
 
 def _behind_unknown_gears(rows: LogRows) -> LogRows:
@@ -259,9 +243,8 @@ def _behind_unknown_gears(rows: LogRows) -> LogRows:
     unknown &= np.array([quantity != "motor_torque" for quantity in rows.quantities])
     if not unknown.any():
         return rows
-    size = np.std(rows.as_is.links, axis=0)
-    factor = np.clip(size / np.maximum(np.std(rows.torque, axis=0), 1e-300), 1.0, _MOST_RATIO)
-    factor[~unknown] = 1.0
+    need, told = (np.std(values, axis=0) for values in (rows.as_is.links, rows.torque))
+    factor = np.where(unknown, np.clip(need / np.maximum(told, 1e-300), 1.0, _MOST_RATIO), 1.0)
     return replace(rows, whole=rows.whole * factor, conversion=rows.conversion * factor)
 
 
@@ -272,9 +255,7 @@ def _as_the_base_must(robot: Robot, motion: Motion, contacts: FloatArray) -> Flo
     acceleration cancel; what noise and filters leave of 9.81 m/s^2 outweighs what small motions
     of the joints need.
     """
-    change = np.zeros_like(motion.velocity)
-    if motion.acceleration is not None:
-        change += motion.acceleration
+    change = np.array(motion.acceleration)
     missing = (link_torque(robot, motion) - contacts)[:, :_BASE]
     data = robot.model.createData()
     inertia = [pin.crba(robot.model, data, q)[:_BASE, :_BASE] for q in motion.position]
@@ -284,24 +265,28 @@ def _as_the_base_must(robot: Robot, motion: Motion, contacts: FloatArray) -> Flo
 
 def _cutoff(position: FloatArray, rate: float) -> float:
     """Return twice the frequency [Hz] below which the joints' motion (N, n) lies."""
-    length = len(position)
-    window = np.hanning(length)[:, None]
-    power = np.abs(np.fft.rfft((position - position.mean(axis=0)) * window, axis=0)) ** 2
-    total = power.sum(axis=0)
-    moving = total > 0.0
+    power = _power(position)
+    moving = (total := power.sum(axis=0)) > 0.0
     if not moving.any():
         return _HIGHEST
     share = np.cumsum((power[:, moving] / total[moving]).mean(axis=1))
-    frequency = np.fft.rfftfreq(length, 1.0 / rate)
+    frequency = np.fft.rfftfreq(len(position), 1.0 / rate)
     found = 2.0 * float(frequency[int(np.searchsorted(share, _MOTION_SHARE))])
-    return float(np.clip(found, 4.0 * rate / (length - 1), min(_HIGHEST, 0.4 * frequency[-1])))
+    least, most = 4.0 * rate / (len(position) - 1), min(_HIGHEST, 0.4 * frequency[-1])
+    return float(np.clip(found, least, most))
 
 
-def _samples(values: FloatArray) -> float:
-    """Return the degrees of freedom of a signal: (sum of power)^2 / sum of squared power.
+def _samples(values: FloatArray) -> FloatArray:
+    """Return the degrees of freedom of signals (N, m): (sum of power)^2 / sum of squared power.
 
     Power per line of the spectrum; a line has two (Bendat & Piersol, Random Data, section 8.5).
     """
-    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
-    total = float(np.sum(power**2))
-    return 2.0 * float(np.sum(power)) ** 2 / total if total > 0.0 else 0.0
+    power = _power(values)
+    total = np.sum(power**2, axis=0)
+    return np.asarray(2.0 * np.sum(power, axis=0) ** 2 / np.where(total > 0.0, total, np.inf))
+
+
+def _power(values: FloatArray) -> FloatArray:
+    """Return the spectrum of power of signals (N, m)."""
+    window = np.hanning(len(values))[:, None]
+    return np.abs(np.fft.rfft((values - values.mean(axis=0)) * window, axis=0)) ** 2

@@ -30,14 +30,8 @@ _GRAVITY = {
     "upside_down": "robot.toml must say so, at its top:\n"
     '    gravity = { value = [0, 0, 9.81], unit = "m/s^2", source = "hangs upside down" }',
 }
-_SCALE = (
-    "Check gear_ratio and torque constant in robot.toml and the masses of the model: each can make "
-    "such a factor."
-)
-_FOREIGN = (
-    "Check which joint the column is of, what it holds, and whether the model is that of this "
-    "robot."
-)
+_SCALE = "Check gear_ratio and torque constant in robot.toml and the masses of the model."
+_FOREIGN = "Check which joint the column is of, what it holds, and whether this is the right model."
 _MORE = "Record more logs in which every joint moves, and give all of them together."
 
 
@@ -99,13 +93,11 @@ def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[lis
 def _counts(log: Log) -> list[LogFinding]:
     """Return what to do about positions that hold encoder counts, of which nothing says more."""
     held = column_mistakes.whole_counts(log)
-    if not held:
-        return []
-    entry = {"columns": {name: {"scale": column_mistakes.COUNTS_OF_A_TURN[4096]} for name in held}}
+    worth = column_mistakes.COUNTS_OF_A_TURN[4096]
+    way = say_so({"columns": {name: {"scale": worth} for name in held}})
+    way = f"Of an encoder of 4096 counts a turn, {way}\nOf another, put 2 pi over its counts there."
     text = "whole numbers far beyond turns: encoder counts."
-    way = "Of an encoder of 4096 counts a turn, " + say_so(entry)
-    way += "\nOf another, put 2 pi over its counts there."
-    return [LogFinding("error", "counts", ", ".join(held), text, way)]
+    return [LogFinding("error", "counts", ", ".join(held), text, way)] if held else []
 
 
 def suspicions(robot: Robot, logs: Sequence[Log]) -> list[str]:
@@ -150,23 +142,20 @@ def motionless(robot: Robot, logs: Sequence[Log]) -> LogFinding | None:
     of their sensors, they must at least stand elsewhere in another log.
     """
     way = "Record the robot in motion; if it moved, the columns are not connected."
-    held = [
-        joint for joint in robot.single_joints if any(log.has(f"{joint}.position") for log in logs)
-    ]
-    moves = any({*held} & {*log.with_quantity("position")} - resting_joints(log) for log in logs)
-    for name in (f"{joint}.position" for joint in held):
-        places = [log.column(name) for log in logs if log.has(name)]
+    joints = {*robot.single_joints}
+    moves = any(joints & {*log.with_quantity("position")} - resting_joints(log) for log in logs)
+    names = [f"{joint}.position" for joint in joints]
+    held = [own for n in names if (own := [log.column(n) for log in logs if log.has(n)])]
+    for places in held:
         moves |= bool(np.ptp([p.mean() for p in places]) > 3.0 * max(map(np.ptp, places)))
     if held and not moves:
         which = "this log" if len(logs) == 1 else "these logs"
         text = f"no joint moves in {which}: every position is constant, but for noise."
         return LogFinding("error", "constant_log", "", f"{logs[0].source.label}: {text}", way)
     dead = [log for log in logs if log.columns and not any(map(np.ptp, log.columns.values()))]
-    if not dead:
-        return None
-    names = ", ".join(log.source.label for log in dead)
-    text = f"{names}: every channel is constant, and no joint moves in this log."
-    return LogFinding("error", "constant_log", "", text, f"Leave it out. {way}")
+    text = ", ".join(log.source.label for log in dead)
+    text += ": every channel is constant, and no joint moves in this log."
+    return LogFinding("error", "constant_log", "", text, f"Leave it out. {way}") if dead else None
 
 
 def single_ratios(robot: Robot) -> dict[str, float]:
@@ -355,36 +344,27 @@ def _foreign(robot: Robot, judged: Sequence[Judged]) -> list[LogFinding]:
     as_is, *others = judged
     doubts, found = evidence.foreign(as_is.reports), []
     for k in np.flatnonzero(doubts >= LIKELY):
-        odds = [
-            (one.weight(as_is, as_is.logs), one)
-            for one in others
-            if one.logs == as_is.logs
-            and all(reports[k].left < _RARELY_LEFT for reports in one.reports)
-        ]
+        read = [one for one in others if one.logs == as_is.logs]
+        read = [one for one in read if all(r[k].left < _RARELY_LEFT for r in one.reports)]
+        odds = [(one.weight(as_is, as_is.logs), one) for one in read]
         if odds:
             odds.sort(key=lambda weighed: -weighed[0])
             near = [one for weight, one in odds if odds[0][0] - weight < _TIED]
             found.append(_told(near, as_is, as_is.logs, POSSIBLE))
             continue
-        joint = robot.transmission.joints[k]
+        joint, doubt = robot.transmission.joints[k], float(doubts[k])
         left = np.mean([min(reports[k].left, 1.0) for reports in as_is.reports])
-        text = (
-            f"the torque of {joint} does not follow what the links need: {100.0 * left:.0f} % of "
-            "its power has no explanation, and no other reading of the columns gives one."
-        )
-        found.append(
-            LogFinding("error", "torque_foreign", joint, text, _FOREIGN, {}, float(doubts[k]))
-        )
+        text = f"the torque of {joint} does not follow what the links need: {100.0 * left:.0f} % "
+        text += "of its power has no explanation, and no other reading of the columns gives one."
+        found.append(LogFinding("error", "torque_foreign", joint, text, _FOREIGN, {}, doubt))
     return found
 
 
 def _another_ratio(robot: Robot, doubt: float, factor: float) -> LogFinding:
     """Return that the robot's gear ratios are others."""
     ratios = ", ".join(f"{factor * N:.3g}" for N in robot.transmission.gear_ratio)
-    text = (
-        f"the gear ratios of the robot are {factor:.2f} times those that the description states "
-        f"({ratios}; the torque and the inertia of the rotors agree on it)?"
-    )
+    text = f"the gear ratios of the robot are {factor:.2f} times those that the description states "
+    text += f"({ratios}; the torque and the inertia of the rotors agree on it)?"
     way = "Check gear_ratio in robot.toml, and whether the logs are of this robot."
     return LogFinding(severity(doubt), "gear_ratio", "", text, way, {}, doubt)
 
@@ -400,23 +380,19 @@ def _told(told: Sequence[Judged], as_is: Judged, logs: Sequence[int], doubt: flo
     """
     read, alone = [one.reading for one in told], len(logs) < len(as_is.reports)
     who, rivals = "one log" if len(logs) == 1 else "these logs", ", or ".join(r.text for r in read)
-    way = "If so, " + _mend_of(read[0])
+    said, so = f"{rivals}?", "If the first is true" if len(read) > 1 else "So read"
     if doubt < LIKELY:
         said = f"{who} cannot tell whether the columns are right: perhaps {rivals}."
-    else:
-        said = f"{rivals}?"
-    if len(read) > 1 and doubt >= LIKELY:
+    elif len(read) > 1:
         said += f" {who[0].upper()}{who[1:]} cannot tell which."
+    way = "If so, " + _mend_of(read[0])
     if len(read) > 1 or doubt < LIKELY:
         way = "\n".join((_MORE, *(f"If you know that {r.text}, {_mend_of(r)}" for r in read)))
     if alone:
         way = "Give each of these logs a map of its own, LOG@MAP.toml. " + way
     now, then = told[0].explained(as_is, logs)
-    so = "If the first is true" if len(read) > 1 else "So read"
-    said += (
-        f" {so}, the robot explains {100.0 * then:.0f} % of the power of the reported torque, "
-        f"and {100.0 * now:.0f} % as it stands."
-    )
+    said += f" {so}, the robot explains {100.0 * then:.0f} % of the power of the reported torque, "
+    said += f"and {100.0 * now:.0f} % as it stands."
     first, mend = read[0], read[0].mend if len(read) == 1 else {}
     column, certainty = next(iter(first.mend.get("columns", [""]))), severity(doubt)
     return LogFinding(certainty, first.kind, column, said, way, mend, doubt, first.mend, alone)
