@@ -49,20 +49,16 @@ def reals(values: Any) -> FloatArray:
     given = np.asanyarray(values)
     if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
         raise TypeError("some of its values are masked")
-    if given.dtype.kind == "O":
-        for value in given.flat:
-            if not is_real(value):
-                raise TypeError(f"{value!r:.40} is no real number that a float can hold")
-    elif given.dtype.kind not in "fiu":
+    for value in given.flat if given.dtype.kind == "O" else ():
+        if not is_real(value):
+            raise TypeError(f"{value!r:.40} is no real number that a float can hold")
+    if given.dtype.kind not in "fiuO":
         raise TypeError(f"values of type {given.dtype} are no real numbers")
     return np.array(given, dtype=np.float64, subok=False)
 
 
 def checked(
-    values: ArrayLike,
-    shape: Sequence[int | None],
-    name: str,
-    error: type[WbcError] = WbcError,
+    values: ArrayLike, shape: Sequence[int | None], name: str, error: type[WbcError] = WbcError
 ) -> FloatArray:
     """Return a read-only float copy of `values` after checking shape and finiteness.
 
@@ -79,10 +75,8 @@ def checked(
         array = frozen(values)
     except (TypeError, ValueError) as cause:
         raise error(f"{name} must be an array of numbers: {cause}.") from cause
-    fits = array.ndim == len(shape) and all(
-        want is None or want == have for want, have in zip(shape, array.shape, strict=True)
-    )
-    if not fits:
+    fits = [want in (None, have) for want, have in zip(shape, array.shape, strict=False)]
+    if array.ndim != len(shape) or not all(fits):
         wanted = "(" + ", ".join("any" if n is None else str(n) for n in shape) + ")"
         raise error(f"{name} has shape {array.shape}, expected {wanted}.")
     if not np.isfinite(array).all():

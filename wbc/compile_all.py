@@ -23,10 +23,8 @@ _ROOT = Path(__file__).parent
 def compiled_functions() -> dict[MachineCode, tuple[str, str]]:
     """Return every compiled function of the library, with its module and its name there."""
     found: dict[MachineCode, tuple[str, str]] = {}
-    for path in sorted(_ROOT.rglob("*.py")):
-        if "from wbc.compiled import" in path.read_text(encoding="utf-8") and path != Path(
-            __file__
-        ):
+    for path in sorted({*_ROOT.rglob("*.py")} - {Path(__file__)}):
+        if "from wbc.compiled import" in path.read_text(encoding="utf-8"):
             name = ".".join(("wbc", *path.relative_to(_ROOT).with_suffix("").parts))
             for attribute, value in vars(import_module(name)).items():
                 if isinstance(value, MachineCode):

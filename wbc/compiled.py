@@ -96,15 +96,8 @@ def _view(context: Any, array: Any, start: Any, rows: Any, columns: Any) -> Any:
         source = target.make_array(array)(target, builder, given[0])
         found = target.make_array(matrix)(target, builder)
         size = target.get_constant(types.intp, array.dtype.bitwidth // 8)
-        along = builder.mul(given[3], size)
-        populate_array(
-            found,
-            data=builder.gep(source.data, [given[1]]),
-            shape=[given[2], given[3]],
-            strides=[along, size],
-            itemsize=size,
-            meminfo=None,
-        )
+        strides = [builder.mul(given[3], size), size]
+        populate_array(found, builder.gep(source.data, [given[1]]), given[2:], strides, size, None)
         return found._getvalue()
 
     return matrix(array, start, rows, columns), build
@@ -127,9 +120,7 @@ def _local(context: Any, size: Any) -> Any:
         length = target.get_constant(types.intp, count)
         width = target.get_constant(types.intp, 8)
         data = alloca_once(builder, number, size=length)
-        populate_array(
-            array, data=data, shape=[length], strides=[width], itemsize=width, meminfo=None
-        )
+        populate_array(array, data, [length], [width], width, None)
         return array._getvalue()
 
     return found(size), build
@@ -223,10 +214,9 @@ def make_ready(room: str) -> None:
         room: such as "wbc.control".
     """
     for name, module in list(sys.modules.items()):
-        if name == room or name.startswith(f"{room}."):
-            for found in list(vars(module).values()):
-                if isinstance(found, MachineCode):
-                    found.make_ready()
+        for found in list(vars(module).values()) if f"{name}.".startswith(f"{room}.") else ():
+            if isinstance(found, MachineCode):
+                found.make_ready()
 
 
 class MachineCode(CPUDispatcher):  # type: ignore[misc]
@@ -438,10 +428,8 @@ def _stamp(function: Callable[..., Any], declared: tuple[Any, ...]) -> str:
     place in the file, its text and comments do not matter.
     """
     versions = numba.__version__, *sys.version_info[:2], _COPIED
-    signature = declared[0]
-    names = [
-        name for kind in (signature.return_type, *signature.args) for name in _field_names(kind)
-    ]
+    kinds = declared[0].return_type, *declared[0].args
+    names = [name for kind in kinds for name in _field_names(kind)]
     parts = [repr((versions, declared)), *names, *_described(function.__code__, function.__doc__)]
     for name in function.__code__.co_names:
         used = function.__globals__.get(name)

@@ -31,9 +31,7 @@ def atomic_write(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
     """
     destination = Path(path)
     destination.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(
-        prefix=f".{destination.name}.", dir=destination.parent or Path()
-    )
+    handle, temporary = tempfile.mkstemp(prefix=f".{destination.name}.", dir=destination.parent)
     try:
         with os.fdopen(handle, "wb") as file:
             write(file)
@@ -102,13 +100,10 @@ def load_table(
         raise error(f"{failed}: {cause}.{hint}") from cause
     if not isinstance(table, dict):
         raise error(f"{failed}: it holds no table.")
-    version = table.pop("schema", 1)
+    version, own = table.pop("schema", 1), f"write schema = {SCHEMA}"
     if not isinstance(version, int) or version < 1:
-        way = f"remove the line, or write schema = {SCHEMA}"
-        raise error(f"{failed}: schema = {version!r} is no version; {way}.")
+        raise error(f"{failed}: schema = {version!r} is no version; remove the line, or {own}.")
     if version > SCHEMA:
-        raise error(
-            f"{failed}: a newer wbc wrote it (schema = {version}, this one reads {SCHEMA}): "
-            f"install the newer wbc, or write schema = {SCHEMA} to read it all the same."
-        )
+        wrote = f"a newer wbc wrote it (schema = {version}, this one reads {SCHEMA})"
+        raise error(f"{failed}: {wrote}: install the newer wbc, or {own} to read it all the same.")
     return table

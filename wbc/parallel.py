@@ -45,10 +45,8 @@ def run_jobs(
     try:
         yield from Parallel(workers, return_as="generator")(delayed(function)(x) for x in items)
     except BrokenExecutor as cause:
-        raise ParallelError(
-            "a job ended the process in which it ran. Too little memory is a usual cause: give "
-            "fewer workers."
-        ) from cause
+        way = "Too little memory is a usual cause: give fewer workers."
+        raise ParallelError(f"a job ended the process in which it ran. {way}") from cause
 
 
 _EVERY = 30.0  # [s] between two lines
@@ -95,9 +93,7 @@ def progress_lines(
 
     def watch(done: int, total: int) -> None:
         nonlocal before, last
-        now = clock()
-        if before is None:
-            before = done
+        before, now = done if before is None else before, clock()
         if now - last < _EVERY or done in (before, total):
             return
         last = now

@@ -74,14 +74,10 @@ def _field(target: Any, builder: Any, kind: Any, words: Any, name: str) -> Any:
     if isinstance(found, types.Integer | types.Boolean):
         return builder.trunc(word(0), target.get_value_type(found))
     array = target.make_array(found)(target, builder)
-    populate_array(
-        array,
-        data=builder.inttoptr(word(0), array.data.type),
-        shape=[word(1 + axis) for axis in range(found.ndim)],
-        strides=[word(1 + found.ndim + axis) for axis in range(found.ndim)],
-        itemsize=target.get_constant(types.intp, np.dtype(str(found.dtype)).itemsize),
-        meminfo=None,
-    )
+    address, *sizes = [word(place) for place in range(1 + 2 * found.ndim)]
+    data = builder.inttoptr(address, array.data.type)
+    size = target.get_constant(types.intp, np.dtype(str(found.dtype)).itemsize)
+    populate_array(array, data, sizes[: found.ndim], sizes[found.ndim :], size, None)
     return array._getvalue()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -67,15 +67,12 @@ class TextTable:
         # A text that stands alone in its row takes what room it needs.
         own = [[cell if any(row[1:]) else "" for cell in row] for row in rows]
         widths = [max(map(len, column)) for column in zip(*own, strict=True)]
-        right = [head.startswith(">") for head in self.heads]
-        lines = (
-            "  ".join(
-                cell.rjust(width) if r else cell.ljust(width)
-                for cell, width, r in zip(row, widths, right, strict=True)
-            ).rstrip()
-            for row in rows
-        )
-        return "\n".join(f"  {line}" for line in lines)
+        ways = [">" if head.startswith(">") else "<" for head in self.heads]
+        lines = []
+        for row in rows:
+            cells = (f"{cell:{way}{n}}" for cell, way, n in zip(row, ways, widths, strict=True))
+            lines.append(f"  {'  '.join(cells)}".rstrip())
+        return "\n".join(lines)
 
     def __rich__(self) -> Table:
         """Return the table as a terminal shows it, without lines between its cells."""
@@ -83,12 +80,9 @@ class TextTable:
 
         made = Table(box=None, title=self.title or None, caption=self.caption or None)
         for head, name in zip(self.heads, self.names, strict=True):
-            made.add_column(
-                name,
-                justify="right" if head.startswith(">") else "left",
-                overflow="fold" if head.startswith("~") else "ellipsis",
-                no_wrap=self.whole and not head.startswith("~"),
-            )
+            look: dict[str, Any] = {"justify": "right" if head.startswith(">") else "left"}
+            look["overflow"] = "fold" if head.startswith("~") else "ellipsis"
+            made.add_column(name, no_wrap=self.whole and not head.startswith("~"), **look)
         for row in self.cells:
             made.add_row(*row)
         return made
@@ -96,8 +90,6 @@ class TextTable:
     def html(self) -> str:
         """Return the table as HTML; every cell is escaped."""
         head = "".join(f"<th>{escape(name)}</th>" for name in self.names)
-        body = "".join(
-            "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
-            for row in self.cells
-        )
+        rows = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in self.cells)
+        body = "".join(f"<tr>{row}</tr>" for row in rows)
         return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

@@ -100,10 +100,8 @@ def _print(
     aims = ", ".join(f"{'most' if o.more else 'least'} {o.column}" for o in objectives)
     varied = [p.column for p in study.varied if p.low < p.high]
     names = dict.fromkeys([*varied, *(objective.column for objective in objectives)])
-    heads = [
-        f">{name.replace('_', ' ')}" + ("" if units[name] == "1" else f"\n[{units[name]}]")
-        for name in names
-    ]
+    told = {name: "" if units[name] == "1" else f"\n[{units[name]}]" for name in names}
+    heads = [f">{name.replace('_', ' ')}{unit}" for name, unit in told.items()]
     count = len(front["design"])
     chosen = np.unique(np.linspace(0, count - 1, min(count, _SHOWN)).round().astype(np.int_))
     cells = [[_cell(study, name, front[name][row]) for name in names] for row in chosen]
@@ -111,9 +109,8 @@ def _print(
     console.print(TextTable.of("|".join(heads), cells, title))
     if not count:
         console.print(
-            "No design can be judged: each has a goal that is infinite or undefined. In a singular "
-            "pose, straight links for example, no torque moves the contact one way. Choose another "
-            "--pose, or other goals with --objective."
+            "No design can be judged: each has a goal that is infinite or undefined, as in a "
+            "singular pose (straight links). Choose another --pose, or other --objective."
         )
     for box in study.gearboxes:
         if box.unknown:
@@ -138,7 +135,7 @@ def _figures(
     steps = [parameter.column for parameter in study.parameters if parameter.logarithmic]
     columns = list(dict.fromkeys([*(name for name in MAPPED if name in drawn), *aimed]))
     start = f"{options.figures}/{load_robot(study.robot).name}_design"
-    show_map = partial(design_map, drawn, across, units, columns=columns, logarithmic=steps)
+    show_map = partial(design_map, drawn, across, units, columns, steps)
     figures: dict[str, Callable[..., Any]] = {f"{start}_map.png": show_map}
     if len(aimed) > 1:
         show_front = partial(pareto_figure, drawn, front, aimed[:2], across[0], units)
@@ -178,13 +175,11 @@ def _rivals(options: Options, robot: Robot) -> Rivals:
     if options.noise is None and not np.isfinite(torque).all():
         raise DesignError("--noise: the motors have no torque_limit to take 1 % of; give it.")
     noise = _SHARE * torque if options.noise is None else np.full(torque.size, options.noise)
-    files = [text for text in options.between if text.lower().endswith(".json")]
-    if files and len(options.between) > 1:
-        raise WbcError(
-            f"--between: '{files[0]}' stands beside other causes. Give one diagnosis alone."
-        )
-    if files:
-        return plans.tied_rivals(files[0], robot, noise, options.band)
+    for file in (text for text in options.between if text.lower().endswith(".json")):
+        if len(options.between) > 1:
+            way = "stands beside other causes. Give one diagnosis alone."
+            raise WbcError(f"--between: '{file}' {way}")
+        return plans.tied_rivals(file, robot, noise, options.band)
     causes = tuple(plans.parse_cause(text, robot) for text in options.between)
     return Rivals(robot, causes, noise, plans.BAND if options.band is None else options.band)
 
@@ -203,10 +198,8 @@ def print_experiment(rivals: Rivals, found: Found, console: Console) -> None:
     else:
         _print_widths(rivals, found, console)
     for i, j in designed.alike:
-        console.print(
-            f"cause {j + 1} can do all that cause {i + 1} does: if {i + 1} is true, no motion "
-            f"speaks against {j + 1}"
-        )
+        told = f"cause {j + 1} can do all that cause {i + 1} does: if {i + 1} is true, no motion"
+        console.print(f"{told} speaks against {j + 1}")
     if rivals.robot.floating_size:
         console.print(
             "hold the base in a stand in its usual pose, the feet in the air; diagnose the run "
@@ -216,18 +209,15 @@ def print_experiment(rivals: Rivals, found: Found, console: Console) -> None:
 
 
 def _print_odds(found: Found, console: Console) -> None:
-    rows = []
-    for pair in found[DESIGNED].odds:
-        told = pair not in found[DESIGNED].alike
+    rows, doubted, designed = [], [], found[DESIGNED]
+    for pair in designed.odds:
+        i, j = pair
+        told = pair not in designed.alike
         cells = [f"{one.odds[pair] / np.log(10.0):.4g}" if told else "-" for one in found.values()]
-        rows.append((str(pair[0] + 1), str(pair[1] + 1), *cells))
+        rows.append((str(i + 1), str(j + 1), *cells))
+        doubted += [f"{i + 1} over {j + 1}"] if told and designed.chance[pair] < _SURE else []
     heads = "|".join(["if this cause is true", "over", *(f">{name}" for name in found)])
     console.print(TextTable.of(heads, rows, _ODDS))
-    doubted = [
-        f"{i + 1} over {j + 1}"
-        for (i, j), chance in found[DESIGNED].chance.items()
-        if chance < _SURE and (i, j) not in found[DESIGNED].alike
-    ]
     if doubted:
         console.print(
             f"less than 99 % sure to decide: {', '.join(doubted)}. Odds as low as these promise "

@@ -33,10 +33,9 @@ def robot_and_logs(options: Options) -> tuple[Robot, tuple[Log, ...]]:
     held = [{name for name in log.names if name.endswith(".position")} for log in logs]
     for log, own in zip(logs, held, strict=True):
         if extra := ", ".join(sorted(own ^ held[0])):
-            raise LogError(
-                f"'{logs[0].source.label}' and '{log.source.label}' are not logs of the same robot:"
-                f" only one of them holds {extra}. Compare them one by one."
-            )
+            both = f"'{logs[0].source.label}' and '{log.source.label}'"
+            why = f"only one of them holds {extra}. Compare them one by one."
+            raise LogError(f"{both} are not logs of the same robot: {why}")
     return robot, logs
 
 
@@ -79,12 +78,10 @@ def write_fix(options: Options, findings: Sequence[LogFinding], console: Console
     """Write the column map that mends what was found, on top of the one in use, if asked to."""
     if getattr(options, "fix", None) is None:
         return
-    mending = [finding for finding in findings if finding.mend]
-    shared = [finding for finding in mending if not finding.alone]
-    if len(shared) < len(mending):
+    shared = [finding for finding in findings if finding.mend and not finding.alone]
+    if any(finding.mend and finding.alone for finding in findings):
         console.print("what only some of the logs have, --fix does not write: see the lines above")
-    mend = together(finding.mend for finding in shared if finding.mend)
-    if not mend:
+    if not (mend := together(finding.mend for finding in shared)):
         console.print("no column map mends what was found; --fix writes nothing")
         return
     said = [line for finding in shared for line in finding.text.splitlines()]

@@ -56,27 +56,20 @@ def run_compare(options: Options, console: Console) -> Outcome:
     content = comparison.to_json(command_line())
     if options.json:
         content["open_loop"] = simulated()[0].to_json()
-    _write_report(options, console, robot, logs, simulated)
+    if options.report:
+        _write_report(options, console, robot, logs, simulated=simulated())
     return 0, content
 
 
 def _write_report(
-    options: Options,
-    console: Console,
-    robot: Robot,
-    logs: Sequence[Log],
-    simulated: Simulated,
-    **found: Any,
+    options: Options, console: Console, robot: Robot, logs: Sequence[Log], **found: Any
 ) -> None:
-    """Write the report if it is asked for."""
-    if not options.report:
-        return
+    """Write the report."""
     # Plotly, matplotlib and meshcat take a second to import; only a report needs them.
     from wbc.view.report import write_report
 
     with working(console, "writing the report"):
-        target, command = options.report, command_line()
-        path = write_report(target, robot, logs, command=command, simulated=simulated(), **found)
+        path = write_report(options.report, robot, logs, command=command_line(), **found)
     console.print(f"wrote {path}")
 
 
@@ -119,11 +112,9 @@ def run_diagnose(options: Options, console: Console) -> Outcome:
     candidates = [effect_class(name.strip()) for name in names] or None
     robot, logs = robot_and_logs(options)
     if guessed := ", ".join(guessed_numbers(options.robot)):
-        console.print(
-            f"{guessed} in {options.robot} are still guesses of `wbc init`. Wrong gears look like "
-            "many causes: the search may take long.",
-            soft_wrap=True,
-        )
+        why = "Wrong gears look like many causes: the search may take long."
+        known = f"{guessed} in {options.robot} are still guesses of `wbc init`."
+        console.print(f"{known} {why}", soft_wrap=True)
     with working(console, "diagnosing") as progress:
         diagnosis = diagnose(robot, logs, candidates, progress, until - time.monotonic())
     if options.save:
@@ -151,8 +142,9 @@ def run_diagnose(options: Options, console: Console) -> Outcome:
     if options.json:
         before, *after = (one.to_json() for one in simulated())
         content["open_loop"] = {"before": before, "after": after[0] if after else before}
-    told = {"diagnosis": diagnosis, "discovery": discovery, "commands": commands}
-    _write_report(options, console, robot, logs, simulated, **told)
+    if options.report:
+        told = {"diagnosis": diagnosis, "discovery": discovery, "commands": commands}
+        _write_report(options, console, robot, logs, simulated=simulated(), **told)
     return int(diagnosis.verdict in ("unknown", "not_repeatable")), content
 
 
@@ -204,14 +196,13 @@ def _print_discovery(console: Console, discovery: Discovery) -> None:
     console.print("discovery: formulas proposed by regression, not causes", style="bold")
     if discovery.proposals:
         console.print(discovery.rows())
-    lines = []
+    lines, error = [], discovery.error
     for proposal in discovery.proposals:
         others = {name: ", ".join(rivals) for name, rivals in proposal.rivals.items() if rivals}
         lines.append(proposal.formula)
         lines += [f"  instead of {name} as well: {rivals}" for name, rivals in others.items()]
         lines += [f"  warning: {warning}" for warning in proposal.warnings]
     lines += [f"{name} at {at} is not needed beside the formulas" for name, at in discovery.dropped]
-    error = discovery.error
     lines.append(f"held-out error: {error.before:.2f} -> {error.after:.2f} noise floors")
     lines.append(discovery.summary)
     lines += [discovery.remainder] if discovery.proposals and discovery.remainder else []
@@ -257,12 +248,10 @@ def run_trend(options: Options, console: Console) -> Outcome:
     robot, sessions = robot_from(options), find_sessions(options.logs)
     with outputs.watching("sessions", console) as watch:
         trend = follow(robot, sessions, options.columns, options.workers, watch)
-    failed = [
-        f"not measured: {s.machine} {s.date}: {s.failure}" for s in trend.sessions if s.failure
-    ]
+    failed = [f"{s.machine} {s.date}: {s.failure}" for s in trend.sessions if s.failure]
     parts: list[Part] = [
         ("what drifts", trend.rows(True)),
-        ("what was not measured", "\n".join(failed)),
+        ("what was not measured", "\n".join(f"not measured: {one}" for one in failed)),
         ("what does not surely drift", trend.rows(False)),
     ]
     print_out(console, [trend.sentence], parts, options.quiet, options.verbose)

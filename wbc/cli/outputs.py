@@ -150,14 +150,12 @@ def spoken(text: str, indent: int = 0) -> Group:
         text: prose, and lines that begin with four spaces.
         indent: spaces before every line.
     """
-    return Group(
-        *(
-            Text(" " * indent + line, no_wrap=True, overflow="ignore")
-            if line.startswith("    ")
-            else Padding(line, (0, 0, 0, indent), expand=False)
-            for line in text.split("\n")
-        )
-    )
+    lines: list[RenderableType] = []
+    for line in text.split("\n"):
+        copied = Text(" " * indent + line, no_wrap=True, overflow="ignore")
+        prose = Padding(line, (0, 0, 0, indent), expand=False)
+        lines.append(copied if line.startswith("    ") else prose)
+    return Group(*lines)
 
 
 def print_out(
@@ -176,35 +174,25 @@ def print_out(
         quiet: print the answer alone.
         verbose: print everything.
     """
-    lines = _lines(console, Group(*answer))
-    _print(console, lines)
-    if quiet:
-        return
-    left, absent = LINES - len(lines), list[str]()
-    for name, content in detail:
+    left, absent = LINES, list[str]()
+    for name, content in (("", Group(*answer)), *(() if quiet else detail)):
         if not content:
             continue
         if absent and not verbose:  # no part is printed after one that did not fit
             absent.append(name)
             continue
         shown = content() if callable(content) else content
-        lines = _lines(console, spoken(shown) if isinstance(shown, str) else shown)
-        room = len(lines) if verbose else max(left - 2, 0)  # for what is said of parts left out
+        shown = spoken(shown) if isinstance(shown, str) else shown
+        lines = list(Segment.split_lines(console.render(shown)))
+        whole = verbose or not name
+        room = len(lines) if whole else max(left - 2, 0)  # for what is said of parts left out
         kept = lines if len(lines) <= room else lines[: room if room > 3 else 0]
-        _print(console, kept)
+        segments = [segment for line in kept for segment in (*line, Segment.line())]
+        # Lines to copy are whole even where they are wider than the screen.
+        console.print(Segments(segments), end="", crop=False)
         if len(kept) < len(lines):
             absent.append(f"the rest of {name}" if kept else name)
         left -= len(lines)
     if absent:
         names = ", ".join(dict.fromkeys(absent))
         console.print(f"not shown: {names} (--verbose, --json and --report have all)")
-
-
-def _lines(console: Console, shown: RenderableType) -> list[list[Segment]]:
-    return list(Segment.split_lines(console.render(shown)))
-
-
-def _print(console: Console, lines: Sequence[Sequence[Segment]]) -> None:
-    segments = [segment for line in lines for segment in (*line, Segment.line())]
-    # Lines to copy are whole even where they are wider than the screen.
-    console.print(Segments(segments), end="", crop=False)

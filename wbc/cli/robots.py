@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,10 +29,8 @@ def first_contact(robot: Robot) -> str:
         RobotError: a robot without contacts.
     """
     if not robot.contacts:
-        raise RobotError(
-            f"'{robot.name}' has no contact; add [[contacts]] to its description, or name a frame: "
-            f"--contact {robot.model.frames[-1].name}."
-        )
+        way = "add [[contacts]] to its description, or name a frame: --contact "
+        raise RobotError(f"'{robot.name}' has no contact; {way}{robot.model.frames[-1].name}.")
     return robot.contacts[0].name
 
 
@@ -46,14 +45,11 @@ def pose_from(robot: Robot, text: str | None) -> FloatArray:
         return robot.neutral()
     if text is None or "=" not in text:
         return robot.pose(text)
-    joints: dict[str, float] = {}
-    for item in text.split(","):
-        name, _, value = item.partition("=")
-        try:
-            joints[name.strip()] = float(value)
-        except ValueError as cause:
-            raise RobotError(f"--pose: '{item}' is not JOINT=VALUE [rad, m].") from cause
-    return robot.configuration(**joints)
+    items = [item.partition("=") for item in text.split(",")]
+    try:
+        return robot.configuration(**{name.strip(): float(value) for name, _, value in items})
+    except ValueError as cause:
+        raise RobotError(f"--pose: '{text}' is not JOINT=VALUE [rad, m].") from cause
 
 
 def run_metrics(options: Options, console: Console) -> Outcome:
@@ -112,14 +108,14 @@ def _told(metric: Metric, robot: Robot) -> str:
 def _by_gear(metric: Metric, values: dict[str, Any], robot: Robot) -> str:
     """Return the value of each gear that has one, and which torques are above their limit."""
     limits = dict(zip(robot.transmission.joints, robot.transmission.torque_limit, strict=True))
-    held, lines = {joint: value for joint, value in values.items() if value != 0.0}, []
-    for joint, value in held.items():
+    lines = []
+    for joint, value in values.items():
         over = metric.name.startswith("holding") and value > limits[joint]
         limit = f" (above its limit {limits[joint]:.4g})" if over else ""
-        lines.append(f"{_entry(value)}  {joint}{limit}")
-    if rest := len(values) - len(held):
-        others = "all others" if held else "every gear"
-        lines.append(f"{0:9d}  {others if rest > 1 or not held else 'the other one'}")
+        lines += [f"{_entry(value)}  {joint}{limit}"] if value != 0.0 else []
+    if rest := len(values) - len(lines):
+        others = "all others" if rest > 1 else "the other one"
+        lines.append(f"{0:9d}  {others if lines else 'every gear'}")
     return "\n".join(lines)
 
 
@@ -152,15 +148,17 @@ def run_export(options: Options, console: Console) -> Outcome:
 
 def run_list(options: Options, console: Console) -> Outcome:
     """Print the robots, effects or gearboxes there are."""
-    rows = {"robots": _robots, "effects": _effects, "gearboxes": _gearboxes}[options.what]()
-    name, *others = rows[0]
-    heads = (name, *(f"~{other}" for other in others))  # the name is given to other commands: whole
-    cells = tuple(tuple(row.values()) for row in rows)
-    console.print(TextTable(heads, cells, whole=True))
-    return 0, {options.what: rows}
+    heads, rows = _LISTS[options.what]
+    # The name is given to other commands: whole.
+    table = TextTable(tuple(heads.replace("|", "|~").split("|")), tuple(rows()), whole=True)
+    console.print(table)
+    return 0, {options.what: [dict(zip(table.names, row, strict=True)) for row in table.cells]}
 
 
-def _robots() -> list[dict[str, str]]:
+Rows = Sequence[tuple[str, ...]]
+
+
+def _robots() -> Rows:
     rows = []
     for name in robot_names():
         try:
@@ -169,35 +167,29 @@ def _robots() -> list[dict[str, str]]:
             contacts = ", ".join(contact.name for contact in robot.contacts)
         except WbcError as error:
             joints, contacts = f"not available: {error}", ""
-        rows.append({"robot": name, "driven joints": joints, "contacts": contacts})
+        rows.append((name, joints, contacts))
     return rows
 
 
-def _effects() -> list[dict[str, str]]:
-    return [
-        {
-            "effect": name,
-            "what it is": effect.explanation,
-            "parameters": ", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters),
-        }
-        for name, effect in EFFECTS.items()
-    ]
+def _effects() -> Rows:
+    parameters = {n: [f"{p.name} [{p.unit}]" for p in one.parameters] for n, one in EFFECTS.items()}
+    return [(n, one.explanation, ", ".join(parameters[n])) for n, one in EFFECTS.items()]
 
 
-def _gearboxes() -> list[dict[str, str]]:
+def _gearboxes() -> Rows:
     from wbc.design import read_gearboxes
 
-    def number(value: float | None) -> str:
-        return "?" if value is None else f"{value:g}"
+    rows = []
+    for box in read_gearboxes().values():
+        known = (box.reduction, box.forward_efficiency, box.backward_efficiency, box.gear_inertia)
+        n, forth, back, inertia = ("?" if value is None else f"{value:g}" for value in known)
+        rows.append((box.name, box.kind, n, f"{forth}, {back}", inertia, box.source))
+    return rows
 
-    return [
-        {
-            "gearbox": box.name,
-            "kind": box.kind,
-            "reduction": number(box.reduction),
-            "efficiencies": f"{number(box.forward_efficiency)}, {number(box.backward_efficiency)}",
-            "kg m^2": number(box.gear_inertia),
-            "source": box.source,
-        }
-        for box in read_gearboxes().values()
-    ]
+
+_LISTS: dict[str, tuple[str, Callable[[], Rows]]] = {
+    "robots": ("robot|driven joints|contacts", _robots),
+    "effects": ("effect|what it is|parameters", _effects),
+    "gearboxes": ("gearbox|kind|reduction|efficiencies|kg m^2|source", _gearboxes),
+}
+"""What there is a list of -> its columns, and what returns the rows."""
