@@ -132,7 +132,7 @@ def _weights(offsets: FloatArray, degree: int, derivative: int) -> FloatArray:
     normal = np.einsum("rsp,rsq->rpq", weighted, powers)
     unit = np.zeros((len(normal), degree + 1, 1))
     unit[:, derivative] = factorial(derivative)
-    values = (weighted @ np.linalg.solve(normal, unit))[:, :, 0]
+    values = np.einsum("rsp,rp->rs", weighted, np.linalg.solve(normal, unit)[:, :, 0])
     return np.asarray(values / reach**derivative)
 
 
