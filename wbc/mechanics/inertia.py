@@ -6,9 +6,28 @@ linear and angular about the tree's centre of mass, world axes.
 
 from __future__ import annotations
 
-from wbc.compiled import Dense, OutDense, OutRow, Places, Row, Table, Vector, compiled, inner, local
-from wbc.mechanics.kinematics import FIRST, JOINT, ROWS, Tree
-from wbc.mechanics.linear import add_cross, add_times, copy_to, dot
+from wbc.compiled import (
+    Dense,
+    OutDense,
+    OutRow,
+    Places,
+    Row,
+    Table,
+    Vector,
+    compiled,
+    inner,
+    local,
+    view,
+)
+from wbc.mechanics.kinematics import FIRST, JOINT, ROWS, Tree, placed_at, product
+from wbc.mechanics.linear import (
+    add_cross,
+    add_times,
+    copy_to,
+    dot,
+    factor_inertia,
+    solve_inertia,
+)
 
 
 @inner
@@ -34,25 +53,20 @@ def bodies_at(joints: Table, shapes: Dense, poses: Dense, about: Row, bodies: Ou
         about: (3,) the point, world.
         bodies: (n, 10) to write: mass, first moment (3), inertia (xx, xy, xz, yy, yz, zz), world.
     """
-    part = local(9)
+    place, part = local(3), local(9)
     for i in range(len(joints)):
-        pose, shape, body = poses[i], shapes[i], bodies[i]
-        m, lx, ly, lz = shape[15], shape[16], shape[17], shape[18]
-        x = pose[9] - about[0] + pose[0] * lx + pose[1] * ly + pose[2] * lz
-        y = pose[10] - about[1] + pose[3] * lx + pose[4] * ly + pose[5] * lz
-        z = pose[11] - about[2] + pose[6] * lx + pose[7] * ly + pose[8] * lz
-        for k in range(3):
-            a, b, c = pose[3 * k], pose[3 * k + 1], pose[3 * k + 2]
-            part[3 * k] = a * shape[19] + b * shape[20] + c * shape[21]
-            part[3 * k + 1] = a * shape[20] + b * shape[22] + c * shape[23]
-            part[3 * k + 2] = a * shape[21] + b * shape[23] + c * shape[24]
-        body[0], body[1], body[2], body[3] = m, m * x, m * y, m * z
-        body[4] = part[0] * pose[0] + part[1] * pose[1] + part[2] * pose[2] + m * (y * y + z * z)
-        body[5] = part[0] * pose[3] + part[1] * pose[4] + part[2] * pose[5] - m * x * y
-        body[6] = part[0] * pose[6] + part[1] * pose[7] + part[2] * pose[8] - m * x * z
-        body[7] = part[3] * pose[3] + part[4] * pose[4] + part[5] * pose[5] + m * (x * x + z * z)
-        body[8] = part[3] * pose[6] + part[4] * pose[7] + part[5] * pose[8] - m * y * z
-        body[9] = part[6] * pose[6] + part[7] * pose[7] + part[8] * pose[8] + m * (x * x + y * y)
+        pose, shape, body, at = poses[i], shapes[i], bodies[i], 4
+        mass = body[0] = shape[15]
+        placed_at(pose, shape[16:19], place)
+        add_times(-1.0, about, place)
+        product(pose, shape[19:], part)
+        square = dot(place, place)
+        for a in range(3):
+            body[1 + a] = mass * place[a]
+            for b in range(a, 3):
+                body[at] = dot(part[3 * a : 3 * a + 3], pose[3 * b :]) - mass * place[a] * place[b]
+                body[at] += mass * square if a == b else 0.0
+                at += 1
 
 
 @compiled(counted=False)
@@ -190,33 +204,17 @@ def momentum_at(
 def _moves(columns: Dense, body: Row, base: Places, momentum: Row, rows: OutRow) -> None:
     """Write the base's rows (b,) with which a body (10,) has a momentum (6,) about its point.
 
-    With the mass m, the centre of mass c and the inertia I_c about it, that is v_c = p / m and
-    I_c w = L - c x p. A planar base has the parts of it in x-z alone.
+    A planar base has the parts of it in x-z alone.
     """
-    m, x, y, z = body[0], body[1] / body[0], body[2] / body[0], body[3] / body[0]
-    p, turn, way, first, size = momentum[:3], local(3), local(3), base[FIRST], base[ROWS]
-    copy_to(momentum[3:], turn)
-    add_cross(-1.0 / m, body[1:4], p, turn)
-    yy = body[7] - m * (x * x + z * z)
-    if size == 3:
-        turn[0], turn[1], turn[2], straight = 0.0, turn[1] / yy, 0.0, 2
-    else:
-        xx, xy, xz = body[4] - m * (y * y + z * z), body[5] + m * x * y, body[6] + m * x * z
-        yz, zz = body[8] + m * y * z, body[9] - m * (x * x + y * y)
-        one, two, straight = xy / xx, xz / xx, 3
-        yy, yz, left = yy - one * xy, yz - one * xz, turn[1] - one * turn[0]
-        turn[2] -= two * turn[0] + yz / yy * left
-        turn[2] /= zz - two * xz - yz / yy * yz
-        turn[1] = (left - yz * turn[2]) / yy
-        turn[0] = turn[0] / xx - one * turn[1] - two * turn[2]
-    for k in range(3):
-        way[k] = p[k] / m
-    add_cross(-1.0 / m, turn, body[1:4], way)
-    for i in range(straight, size):
-        rows[i] = dot(columns[first + i, 3:], turn)
-        add_times(-rows[i], columns[first + i, :3], way)
-    for i in range(straight):
-        rows[i] = dot(columns[first + i, :3], way)
+    first, size, own = base[FIRST], base[ROWS], local(6)
+    inertia = view(local(36), 0, size, size)
+    for i in range(size):
+        rows[i] = dot(columns[first + i], momentum)
+        momentum_of(body, columns[first + i], own)
+        for j in range(i + 1):
+            inertia[i, j] = dot(own, columns[first + j])
+    factor_inertia(inertia, inertia)
+    solve_inertia(inertia, rows[:size])
 
 
 @inner

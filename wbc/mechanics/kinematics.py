@@ -42,8 +42,8 @@ class Tree(NamedTuple):
     Attributes:
         joints: (n, 5) parent (-1 for the world), kind, first entry of q, first row of v, and the
             joint at the root of its tree.
-        shapes: (n, 25) placement on the parent (rotation by rows, then place), axis, mass, centre
-            of mass, inertia about it (xx, xy, xz, yy, yz, zz); all in the axes of parent or joint.
+        shapes: (n, 28) placement on the parent (rotation by rows, then place), axis, mass, centre
+            of mass, inertia about it by rows; all in the axes of parent or joint.
         rows: (nv, 2) joint of each row of v, and the row before it on the way to the root (-1).
         gravity: (3,) [m/s^2].
     """
@@ -61,7 +61,7 @@ def joints_of(model: Any) -> tuple[IntArray, FloatArray]:
         model: pinocchio's.
     """
     count = model.njoints - 1
-    joints, shapes = np.zeros((count, 5), dtype=np.int64), np.zeros((count, 25))
+    joints, shapes = np.zeros((count, 5), dtype=np.int64), np.zeros((count, 28))
     for i in range(count):
         joint, place = model.joints[i + 1], model.jointPlacements[i + 1]
         body = model.inertias[i + 1]
@@ -70,7 +70,7 @@ def joints_of(model: Any) -> tuple[IntArray, FloatArray]:
         joints[i] = parent, kind, joint.idx_q, joint.idx_v, root
         shapes[i, :9], shapes[i, 9:12] = place.rotation.ravel(), place.translation
         shapes[i, 15], shapes[i, 16:19] = body.mass, body.lever
-        shapes[i, 19:] = body.inertia[np.triu_indices(3)]
+        shapes[i, 19:] = body.inertia.ravel()
     return joints, shapes
 
 
