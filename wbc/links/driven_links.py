@@ -210,13 +210,14 @@ class DrivenLinks:
         from wbc.links.steps import Links, follow_links  # it loads the compiler
         from wbc.structures import stored
 
-        numbers = np.array([(g.stiffness, g.damping, 0.5 * g.play) for g in gears], dtype=float)
-        parts = self._parts(gears)
+        parts, flanks = self._parts(gears), np.zeros((len(gears), 9))
         h = self.step / parts
-        late = np.where(numbers[:, 0] * h**2 < self.least_inertia, 0.5, 1.0)
+        for flank, gear, inertia in zip(flanks, gears, self.least_inertia, strict=True):
+            late = 0.5 if gear.stiffness * h**2 < inertia else 1.0
+            flank[:6] = gear.stiffness, gear.damping, 0.5 * gear.play, h, late, late
         d, v, dry = np.zeros((3, *self.load.shape, starts.shape[3]))
-        load, numbers = self._loads(parts), np.column_stack((numbers, late))
-        given = self.inertia, self.drag, self.pull, load, self.speed, self.level, numbers, first
+        load = self._loads(parts)
+        given = self.inertia, self.drag, self.pull, load, self.speed, self.level, flanks, first
         whole, ends = map(np.ascontiguousarray, (*given, starts)), np.zeros(starts.shape)
         links = stored(Links._make((*whole, d, v, dry, ends, parts)))
         follow_links(links, self.step, _FARTHEST)

@@ -12,7 +12,7 @@ from numba import types
 
 from wbc.arrays import FloatArray
 from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, compiled, inner
-from wbc.mechanics.laws import flank_impulse
+from wbc.mechanics.laws import DAMPING, HALF, LATE, PLACE, RATE, STIFFNESS, flank_impulse
 from wbc.mechanics.linear import dot, factor, solve_factored
 from wbc.structures import structured
 
@@ -26,8 +26,6 @@ _NEWTON = 8  # rounds, after which flanks count with their largest slope: slow, 
 _ROUNDS = 40
 _MET = 1e-11  # of the momentum: how far an impulse may be off its flank's law
 
-STIFFNESS, DAMPING, HALF, LATE = range(4)
-
 
 @structured
 class Links(NamedTuple):
@@ -38,8 +36,7 @@ class Links(NamedTuple):
             lines between.
         load: torque of the links without deflection at the steps ((N - 1) parts + 1, n).
         speed, level: speed of the motors, level of the links' dry friction at the samples (N, n).
-        gears: (n, 4) at STIFFNESS, DAMPING, HALF, half of the play, none of which makes a spring,
-            and LATE, theta, the weight of a step's end.
+        gears: (n, 9) flanks, see `flank_impulse`; place and rate of a step are written there.
         first: number of the first sample of each window (W,), from 0 on.
         starts: deflections and their rates (W, 2, n, S) with which the windows begin.
         d, v: deflections and their rates (N, n, S) to write.
@@ -54,7 +51,7 @@ class Links(NamedTuple):
     load: Dense
     speed: Dense
     level: Dense
-    gears: Dense
+    gears: OutDense
     first: Places
     starts: _Windows
     d: _OutCube
@@ -142,16 +139,12 @@ def place_step(links: Links, own: LinkStep, i: int, part: int, h: float) -> None
 
 @inner
 def lean(
-    gears: Dense, own: LinkStep, place: Row, rate: Row, h: float, steepest: bool
+    gears: OutDense, own: LinkStep, place: Row, rate: Row, h: float, steepest: bool
 ) -> tuple[int, bool]:
     """Write what flanks carry near the rates `new` of a step's end.
 
-    Args:
-        gears: of the links.
-        own: memory.
-        place, rate: (n,) at the start.
-        h: [s].
-        steepest: whether flanks count with their largest slope.
+    Places and rates (n,) are those at the start of h [s]; where `steepest`, flanks count with their
+    largest slope.
 
     Returns:
         the flanks that carry throughout, as a number, -1 where one is crossed; and whether what
@@ -159,15 +152,14 @@ def lean(
     """
     pattern, met, new = 0, True, own.new
     for a in range(len(new)):
-        k, c, half, late = gears[a, STIFFNESS], gears[a, DAMPING], gears[a, HALF], gears[a, LATE]
-        passed, slope, touch, _ = flank_impulse(
-            k, c, half, h, late, late, place[a], rate[a], new[a]
-        )
+        flank, late = gears[a], gears[a, LATE]
+        flank[PLACE], flank[RATE] = place[a], rate[a]
+        passed, slope, touch, _ = flank_impulse(flank, new[a])
         off = abs(passed - own.carried[a] - own.slope[a] * new[a])
         size = own.mass[a, a] * (abs(new[a]) + abs(rate[a])) + abs(passed)
-        met = met and (half == 0.0 or off <= _MET * size)
+        met = met and (flank[HALF] == 0.0 or off <= _MET * size)
         if steepest or touch == 1.0:
-            touch, slope = 1.0, h * late * (h * late * k + c)
+            touch, slope = 1.0, h * late * (h * late * flank[STIFFNESS] + flank[DAMPING])
         if pattern >= 0 and touch == 1.0:
             pattern += 1 << a
         elif touch > 0.0:
@@ -194,20 +186,12 @@ def invert(own: LinkStep) -> None:
 
 @inner
 def next_rates(
-    gears: Dense, own: LinkStep, place: Row, rate: Row, rubs: OutRow, h: float, known: int
+    gears: OutDense, own: LinkStep, place: Row, rate: Row, rubs: OutRow, h: float, known: int
 ) -> int:
     """Write the rates `new` at a step's end, and the friction (n,) that the links have had.
 
-    Args:
-        gears: of the links.
-        own: memory.
-        place, rate: (n,) at the start.
-        rubs: to change.
-        h: [s].
-        known: flanks that `gain` is for, see `lean`.
-
-    Returns:
-        the flanks that `gain` is for then.
+    Places and rates (n,) are those at the start of h [s]; `known` are the flanks that `gain` is for
+    (`lean`), and so is what is returned.
     """
     new, rough, bent = own.new, False, False
     for a in range(len(new)):

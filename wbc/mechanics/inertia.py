@@ -45,13 +45,9 @@ def momentum_of(body: Row, motion: Row, momentum: OutRow) -> None:
 
 @compiled(counted=False)
 def bodies_at(joints: Table, shapes: Dense, poses: Dense, about: Row, bodies: OutDense) -> None:
-    """Write mass, first moment and inertia of each body about a point.
+    """Write `bodies` (n, 10) of a `Tree` with `poses` (n, 12), about a point (3,) in the world.
 
-    Args:
-        joints, shapes: of the `Tree`.
-        poses: (n, 12).
-        about: (3,) the point, world.
-        bodies: (n, 10) to write: mass, first moment (3), inertia (xx, xy, xz, yy, yz, zz), world.
+    Each is mass, first moment (3) and inertia (xx, xy, xz, yy, yz, zz), in world axes.
     """
     place, part = local(3), local(9)
     for i in range(len(joints)):
@@ -81,14 +77,7 @@ def composites_of(joints: Table, bodies: Dense, composite: OutDense) -> None:
 
 @compiled(counted=False)
 def inertia_at(rows: Table, composite: Dense, columns: Dense, inertia: OutDense) -> None:
-    """Write H_l, of which both halves are filled.
-
-    Args:
-        rows: of the `Tree`.
-        composite: (n, 10).
-        columns: (nv, 6).
-        inertia: (nv, nv) to write.
-    """
+    """Write H_l (nv, nv), both halves, of composite bodies (n, 10) and columns (nv, 6)."""
     force = local(6)
     inertia[:] = 0.0
     for j in range(len(rows)):
@@ -180,15 +169,9 @@ def _to_point(composite: Row, sign: float, wrench: OutRow) -> None:
 def momentum_at(
     tree: Tree, columns: Dense, composite: Dense, root: int, velocity: Row, momentum: OutRow
 ) -> None:
-    """Write the momentum (6,) of the tree behind a joint.
+    """Write the momentum (6,) at v (nv,) of the tree behind the joint `root`.
 
-    Args:
-        tree: with the joint.
-        columns: (nv, 6), see `columns_at`.
-        composite: (n, 10), see `composites_of`.
-        root: number of the joint, the root of its tree.
-        velocity: v (nv,).
-        momentum: to write.
+    The columns (nv, 6) are of `columns_at`, the composite bodies (n, 10) of `composites_of`.
     """
     own = local(6)
     momentum[:] = 0.0
@@ -221,13 +204,9 @@ def _moves(columns: Dense, body: Row, base: Places, momentum: Row, rows: OutRow)
 def velocity_at(
     tree: Tree, columns: Dense, composite: Dense, base: Places, momentum: Row, velocity: OutRow
 ) -> None:
-    """Write the base's rows of v (nv,) so that its tree has a momentum (6,), see `momentum_at`.
+    """Write the rows of v (nv,) of a base (5,), at JOINT to PLACES, whose tree has a momentum (6,).
 
-    Args:
-        tree, columns, composite: see `momentum_at`.
-        base: (5,) columns JOINT to PLACES.
-        momentum: (6,).
-        velocity: whose other rows are read.
+    The other rows of v are read; arguments as of `momentum_at`.
     """
     root, first, size = base[JOINT], base[FIRST], base[ROWS]
     left, own = local(6), local(6)
@@ -255,13 +234,8 @@ def part_on_joints(
 
     With the bias [b_b; b_j] and the rows g_b that hold the weight alone, an acceleration d_b of the
     base with H_bb d_b = b_b - g_b is due to the turning of coordinates alone. It is added to the
-    motion: the bias becomes [g_b; b_j - H_jb d_b].
-
-    Args:
-        tree, columns, composite, base: see `velocity_at`.
-        inertia: H (nv, nv).
-        force: (6,) of all bodies of the tree, see `move_bodies`.
-        bias: (nv,), changed.
+    motion: the bias becomes [g_b; b_j - H_jb d_b]. The force (6,) is that of all bodies of the tree
+    (`move_bodies`); other arguments as of `velocity_at`.
     """
     first, size, whole = base[FIRST], base[ROWS], composite[base[JOINT]]
     weight, rest, rows = local(6), local(6), local(6)

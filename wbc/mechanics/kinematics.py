@@ -55,10 +55,9 @@ class Tree(NamedTuple):
 
 
 def joints_of(model: Any) -> tuple[IntArray, FloatArray]:
-    """Return `joints` and `shapes` of a `Tree`, without axes; kind -1 is not known to the loops.
+    """Return `joints` and `shapes` of a pinocchio model's `Tree`, without axes.
 
-    Args:
-        model: pinocchio's.
+    Kind -1 is not known to the loops.
     """
     count = model.njoints - 1
     joints, shapes = np.zeros((count, 5), dtype=np.int64), np.zeros((count, 28))
@@ -76,9 +75,6 @@ def joints_of(model: Any) -> tuple[IntArray, FloatArray]:
 
 def tree_of(model: Any) -> Tree:
     """Return the tree of a pinocchio model.
-
-    Args:
-        model: pinocchio's.
 
     Raises:
         SimulationError: it has a joint of a kind that the loops do not know.
@@ -145,13 +141,7 @@ def product(left: Row, right: Row, turn: OutRow) -> None:
 
 @compiled(counted=False)
 def place(joints: Table, shapes: Dense, q: Row, poses: OutDense) -> None:
-    """Write the pose of every joint: rotation (9 by rows) and place (3), world.
-
-    Args:
-        joints, shapes: of the `Tree`.
-        q: (nq,).
-        poses: (n, 12) to write.
-    """
+    """Write the poses (n, 12) of a `Tree` at q (nq,): rotation (9 by rows) and place (3), world."""
     own, mounted, way = local(9), local(9), local(3)
     for i in range(len(joints)):
         parent, kind, at = joints[i, 0], joints[i, 1], joints[i, 2]
@@ -180,13 +170,9 @@ def place(joints: Table, shapes: Dense, q: Row, poses: OutDense) -> None:
 
 @compiled(counted=False)
 def columns_at(joints: Table, shapes: Dense, poses: Dense, about: Row, columns: OutDense) -> None:
-    """Write the motion of the tree behind each joint per unit of each row of v.
+    """Write the motion of the tree behind each joint per unit of each row of v, (nv, 6).
 
-    Args:
-        joints, shapes: of the `Tree`.
-        poses: (n, 12).
-        about: (3,) the point of the spatial vectors, world.
-        columns: (nv, 6) to write.
+    Spatial vectors are about a point (3,) in the world; `joints` and `shapes` are of the `Tree`.
     """
     axis, arm = local(3), local(3)
     columns[:] = 0.0
@@ -218,16 +204,13 @@ def _fly(q: Row, v: Row, time: float, moved: OutRow) -> None:
         way[k], turning[k], across[k] = time * v[k], time * v[3 + k], 0.0
     square = dot(turning, turning)
     angle = np.sqrt(square)
+    half, rest = np.sin(0.5 * angle) / angle if angle > 0.0 else 0.5, np.cos(0.5 * angle)
     if angle > 1e-2:
-        first, second = (1.0 - np.cos(angle)) / square, (angle - np.sin(angle)) / (square * angle)
-        half, rest = np.sin(0.5 * angle) / angle, np.cos(0.5 * angle)
-    else:  # series: below 1e-2 rad the next terms are less than 1e-16
-        first = 0.5 - square / 24.0 + square * square / 720.0 - square**3 / 40320.0
-        second = 1.0 / 6.0 - square / 120.0 + square * square / 5040.0 - square**3 / 362880.0
-        half = 0.5 - square / 48.0 + square * square / 3840.0 - square**3 / 645120.0
-        rest = 1.0 - square / 8.0 + square * square / 384.0 - square**3 / 46080.0
+        second = (angle - np.sin(angle)) / (square * angle)
+    else:  # below 1e-2 rad the next term of the series is less than 1e-16
+        second = 1.0 / 6.0 - square / 120.0 + square * square / 5040.0
     add_cross(1.0, turning, way, across)
-    add_times(first, across, way)
+    add_times(2.0 * half * half, across, way)
     add_cross(second, turning, across, way)
     _of_quaternion(q[3:], turn)
     turned(turn, way, moved)

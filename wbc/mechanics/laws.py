@@ -53,12 +53,7 @@ def branch_of(law: Row, point: float, slope: float) -> tuple[float, float, float
 
     The sign is +1 turning forward, -1 backward, 0 stuck; the gain is k, the mesh input per output;
     what is brought is `up` or `down`. The line meets the law of a self-locking row once if its
-    slope is below M/|eta_b|.
-
-    Args:
-        law: (9,) of an element.
-        point: [N m s].
-        slope: >= 0 [kg m^2].
+    slope, >= 0 [kg m^2], is below M/|eta_b|.
     """
     up, down, inertia, inverse, backward = law[0], law[1], law[2], law[3], law[4]
     load, resisting = point + law[5], law[6] + slope
@@ -85,14 +80,8 @@ def meeting_speed(law: Row, point: float, slope: float) -> float:
 def own_speed(law: Row, slope: float, impulse: float, speed: float) -> float:
     """Return w of an element (9,) that carries an impulse T at u = W v.
 
-    Where there is a spring it follows from the law, not from the spring, whose impulse may hardly
-    depend on it.
-
-    Args:
-        law: (9,).
-        slope: of the line on which the row meets its law.
-        impulse: T.
-        speed: u.
+    Where there is a spring it follows from the law and the line of that slope on which the row
+    meets it, not from the spring, whose impulse may hardly depend on it.
     """
     if law[7] == np.inf:
         return speed
@@ -128,17 +117,7 @@ def element_meets(law: Row, own: float, about: float, speed: float) -> tuple[flo
 
 
 @inner
-def flank_impulse(
-    stiffness: float,
-    damping: float,
-    half: float,
-    step: float,
-    late: float,
-    late_damping: float,
-    place: float,
-    rate: float,
-    end: float,
-) -> tuple[float, float, float, float]:
+def flank_impulse(flank: Row, end: float) -> tuple[float, float, float, float]:
     """Return what a gear's flanks take over a time step that ends at a rate.
 
     The one rule by which the plant and the links of a log step through the law of `Flanks`. The
@@ -154,14 +133,9 @@ def flank_impulse(
     step leaves one and reaches the other. So the impulse never jumps with v' and never falls.
 
     Args:
-        stiffness: k [N m/rad].
-        damping: c [N m s/rad].
-        half: half of the play [rad]; none makes a spring that pulls and pushes.
-        step: h [s].
-        late: theta; 1/2 takes no energy out of a swing, 1 takes it out of one that is too quick.
-        late_damping: theta_c.
-        place: d at the start [rad].
-        rate: v at the start [rad/s].
+        flank: (9,) k [N m/rad], c [N m s/rad], half of the play [rad] (none makes a spring that
+            pulls and pushes), h [s], theta (1/2 takes no energy out of a swing, 1 takes it out of
+            one that is too quick), theta_c, and d [rad] and v [rad/s] at the start.
         end: v' [rad/s].
 
     Returns:
@@ -170,6 +144,8 @@ def flank_impulse(
         touch: share of the way that touches a flank; zero where the flank lets go.
         damped: what of the impulse is not the spring's [N m s].
     """
+    stiffness, damping, half, step = flank[STIFFNESS], flank[DAMPING], flank[HALF], flank[STEP]
+    late, late_damping, place, rate = flank[LATE], flank[LATE_DAMPING], flank[PLACE], flank[RATE]
     way = step * ((1.0 - late) * rate + late * end)
     there = place + way
     bent = place - min(max(place, -half), half)
@@ -238,14 +214,10 @@ def place_after(flank: Row, end: float) -> float:
 @inner
 def passed_by(flank: Row, end: float) -> tuple[float, float, float]:
     """Return impulse, slope and damped part (see `flank_impulse`) of flanks or a contact."""
-    step = flank[STEP]
     if flank[HALF] < 0.0:
-        force, rise = mean_force(flank, place_after(flank, end))
+        step, (force, rise) = flank[STEP], mean_force(flank, place_after(flank, end))
         return step * force, flank[LATE] * step * step * rise, 0.0
-    impulse, slope, _, damped = flank_impulse(
-        flank[STIFFNESS], flank[DAMPING], flank[HALF], step, flank[LATE], flank[LATE_DAMPING],
-        flank[PLACE], flank[RATE], end,
-    )  # fmt: skip
+    impulse, slope, _, damped = flank_impulse(flank, end)
     return impulse, slope, damped
 
 

@@ -140,11 +140,7 @@ def follows(system: RowSystem, room: Room) -> bool:
 def solve_tangents(system: RowSystem, one_sided: bool, room: Room, impulse: Row) -> bool:
     """Write the change of x (n,) to where all tangents hold; False where they contradict.
 
-    Args:
-        system: of the rows.
-        one_sided: see `tangents_at`.
-        room: with aim and rise.
-        impulse: (r,) of the point of the tangents.
+    They are those in `room`, at the impulses (r,); for `one_sided` see `tangents_at`.
     """
     change = room.change
     change[:] = 0.0
