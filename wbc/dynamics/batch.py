@@ -24,14 +24,7 @@ def link_torque(robot: Robot, motion: Motion) -> FloatArray:
 def inverse_dynamics(
     model: pin.Model, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
 ) -> FloatArray:
-    """Return H a + c (N, nv) [N m, N] of a model along a motion.
-
-    Args:
-        model: of the links, with its gravity.
-        position: q (N, nq).
-        velocity: v (N, nv).
-        acceleration: a (N, nv).
-    """
+    """Return H a + c (N, nv) [N m, N] along q (N, nq), v and a (N, nv), gravity the model's."""
     # One call for the log: sample by sample, Python takes nine times as long as a leg's dynamics.
     columns = position.T, velocity.T, acceleration.T
     torque = pin.rneaInParallel(1, pin.ModelPool(model, 1), *columns)
@@ -85,12 +78,7 @@ def contact_torque(
 
 
 def contact_jacobians(robot: Robot, position: FloatArray, name: str) -> FloatArray:
-    """Return J (N, 3, nv) of the velocity of what touches level ground, in world axes.
-
-    Args:
-        robot: the robot.
-        position: q (N, nq).
-        name: of the contact.
+    """Return J (N, 3, nv) at q (N, nq) of the velocity of what touches level ground, world axes.
 
     Raises:
         RobotError: a contact that the robot does not have.
@@ -111,12 +99,7 @@ def _at_ground(robot: Robot, name: str) -> FloatArray:
 
 
 def point_jacobians(robot: Robot, position: FloatArray, name: str) -> FloatArray:
-    """Return J (N, 6, nv) of the velocity of a contact's point and of its link, in world axes.
-
-    Args:
-        robot: the robot.
-        position: q (N, nq).
-        name: of the contact.
+    """Return J (N, 6, nv) at q (N, nq) of the velocity of a contact's point and of its link.
 
     Raises:
         RobotError: a contact that the robot does not have.

@@ -90,13 +90,9 @@ class Workspace:
 def evaluate(
     robot: Robot, position: FloatArray, velocity: FloatArray, workspace: Workspace | None = None
 ) -> Terms:
-    """Evaluate the link-side terms at (q, v).
+    """Evaluate the link-side terms at q (nq,) and v (nv,).
 
-    Args:
-        robot: the robot.
-        position: q (nq,).
-        velocity: v (nv,).
-        workspace: reusable memory; a new one is made when left out (slower).
+    A workspace is reusable memory; a new one is made when left out (slower).
 
     Raises:
         DynamicsError: a wrong shape, or a workspace that belongs to another robot.
@@ -224,10 +220,7 @@ class DissipativeEquation:
 def dissipative_equation(robot: Robot, terms: Terms, directions: FloatArray) -> DissipativeEquation:
     """Return the dissipative equation of motion (Sim & Ramos, section IV) as the paper states it.
 
-    Args:
-        robot: the robot.
-        terms: its terms at a state.
-        directions: (m,) +1 where the mesh power runs forward, -1 backward, 0 without loss.
+    The directions (m,) are +1 where the mesh power runs forward, -1 backward, 0 without loss.
 
     Raises:
         TransmissionError: a self-locking gear called backward.

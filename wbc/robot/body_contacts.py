@@ -99,15 +99,9 @@ def _faces(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 
     hull = ConvexHull(points)
     size = float(np.ptp(points, axis=0).max())
-    planes: list[FloatArray] = []
-    face = []  # of each triangle
-    for equation in hull.equations:
-        plane = np.append(equation[:3], -equation[3])
-        off = np.abs(np.reshape(planes, (-1, 4)) - plane).max(axis=1)
-        same = np.flatnonzero(off <= _SAME * max(size, 1.0))
-        face.append(int(same[0]) if same.size else len(planes))
-        if not same.size:
-            planes.append(plane)
+    planes = hull.equations * [1.0, 1.0, 1.0, -1.0]
+    same = np.abs(planes[:, None] - planes).max(axis=2) <= _SAME * max(size, 1.0)
+    own, face = np.unique(same.argmax(axis=1), return_inverse=True)  # of each triangle
     edges = []
     for i, (triangle, beside) in enumerate(zip(hull.simplices, hull.neighbors, strict=True)):
         for corner, j in zip(triangle, beside, strict=True):
@@ -119,7 +113,7 @@ def _faces(points: FloatArray) -> tuple[FloatArray, FloatArray]:
                 inward -= np.outer(inward @ along, along)
                 inward /= np.linalg.norm(inward, axis=1)[:, None]
                 edges.append(np.concatenate((first, second, *inward)))
-    return np.array(planes), np.reshape(edges, (-1, 12))
+    return planes[own], np.reshape(edges, (-1, 12))
 
 
 _TURN, _HEIGHT = 2.399963 * (np.arange(400) + 0.5), 1.0 - (np.arange(400) + 0.5) / 200.0

@@ -18,9 +18,7 @@ from wbc.robot.robot import Robot
 
 def joint_axis(robot: Robot, joint: str) -> FloatArray:
     """Return the axis (3,) of a joint with one degree of freedom, in the joint's frame."""
-    linear, angular = _unit_twist(robot, joint)
-    axis = angular if np.linalg.norm(angular) > 0.5 else linear
-    return np.asarray(axis / np.linalg.norm(axis))
+    return np.asarray(np.sum(_unit_twist(robot, joint), axis=0))  # one of the two is zero
 
 
 def slides(robot: Robot, joint: str) -> bool:

@@ -114,11 +114,7 @@ def read_description(name: str | Path) -> tuple[Path, dict[str, Any]]:
 
 
 def build_robot(path: Path, table: Mapping[str, Any]) -> Robot:
-    """Return the robot that a description describes, without effects.
-
-    Args:
-        path: the file.
-        table: its content.
+    """Return the robot that a description, a file and its content, describes, without effects.
 
     Raises:
         RobotError: a key, unit, joint or file that does not exist; the message names the place.
@@ -205,11 +201,8 @@ _BASE = ("base.position.x", "base.position.y", "base.position.z")
 def _poses(robot: Robot, table: Any, place: str) -> Mapping[str, FloatArray]:
     """Return pose name -> q (nq,), joints left out being at their neutral position.
 
-    Args:
-        robot: the robot whose joints the poses set.
-        table: `[poses.NAME]` tables of joint = {value, unit, source}; a free-flyer's position is
-            set with base.position.x|y|z.
-        place: the file, for messages.
+    The table holds `[poses.NAME]` of joint = {value, unit, source}; base.position.x|y|z sets that
+    of a free-flyer.
 
     Raises:
         RobotError: no table, an unknown joint, or no number.
@@ -217,11 +210,10 @@ def _poses(robot: Robot, table: Any, place: str) -> Mapping[str, FloatArray]:
     if not isinstance(table, Mapping):
         raise RobotError(f"{place}: poses: one table per pose expected, [poses.NAME].")
     rows = {joint: robot.position_index(joint) for joint in robot.single_joints}
-    units = {joint: unit_at(robot, joint, "rad") for joint in rows}
+    readers, poses = {joint: quantity(unit_at(robot, joint, "rad")) for joint in rows}, {}
     if robot.has_free_flyer:
         rows |= {name: row for row, name in enumerate(_BASE)}
-        units |= dict.fromkeys(_BASE, "m")
-    readers, poses = {name: quantity(unit) for name, unit in units.items()}, {}
+        readers |= dict.fromkeys(_BASE, quantity("m"))
     for name, entry in table.items():
         at = f"{place}: pose '{name}'"
         poses[str(name)] = q = robot.neutral()

@@ -225,17 +225,16 @@ class Screen:
         """Return the screens of an effect with two parameters, one per value of its shape.
 
         Args:
-            linear: name of the parameter in which it is linear.
-            shape: name of the other one.
-            tried: its values.
-            step: the unit of the linear one.
+            linear, shape: names of the parameter in which it is linear, and of the other one.
+            tried: values of the latter.
+            step: the unit of the former.
         """
 
         def screen(value: float) -> Screen:
-            unit = {linear: step, shape: value}
-            return cls((unit,), lambda c: {linear: step * float(c[0]), shape: value})
+            unit = {linear: step, shape: float(value)}
+            return cls((unit,), lambda c: {**unit, linear: step * float(c[0])})
 
-        return tuple(screen(float(value)) for value in tried)
+        return tuple(map(screen, tried))
 
 
 @dataclass(frozen=True)
@@ -256,14 +255,7 @@ class Quantity:
 def small_steps(
     kind: type[Effect], robot: Robot, where: str, evidence: Evidence
 ) -> tuple[Screen, ...]:
-    """Return the screen of a small step of every parameter that is no shape, none without any.
-
-    Args:
-        kind: class of the effect.
-        robot: on which it may sit.
-        where: its place there.
-        evidence: what the logs say.
-    """
+    """Return the screen of a small step of every parameter that is no shape, none without any."""
     null = kind.null_values(robot, where)
     steps: dict[str, float] = {}
     for parameter in kind.at(where, null).parameters:
@@ -311,19 +303,17 @@ class SearchOffer:
         inseparable: name of another effect -> from where on no run of a robot tells the two apart,
             and what does instead, in words.
         screens: (kind, robot, where, evidence) -> the linear ways in which it may explain a
-            residual. By default one: a small step of every parameter that is no shape parameter,
-            away from where the effect is not there. With a nonlinear shape parameter one per shape
-            worth trying; `evidence` tells which those are.
+            residual: a small step of every parameter that is no shape (`small_steps`), or one way
+            per shape worth trying.
         recognisable: (effect, robot, motions) -> whether these motions could show the effect for
-            what it is, with these parameters. A wave of which less than one period was passed is
-            any bend: a diagnosis must not name it.
+            what it is: a wave of which less than one period was passed is any bend.
         implausibility: (effect, robot with it, motions of the logs) -> what its numbers cost that
-            no machine is likely to have [nats]; by default `usual_cost`.
+            no machine is likely to have [nats].
         departures: (effect) -> (k,) how far its numbers lie from what is usual, in standard
-            deviations (default: none). A fit counts half their squares beside what the logs say
-            [nats]: what logs do not tell stays usual. Zero where the effect is not there.
-        freedom: (effect) -> how many numbers had to be chosen to describe it; fewer are believed
-            more easily. A choice of one in n counts log n.
+            deviations. A fit counts half their squares beside what the logs say [nats]. Zero where
+            the effect is not there.
+        freedom: (effect) -> how many numbers had to be chosen to describe it. A choice of one in n
+            counts log n.
         quantities: (effect, robot without it) -> the numbers that a person can check, where the
             parameters are not them.
         remarks: (effect, robot without it) -> sentences on what these numbers mean on the robot.
@@ -383,8 +373,7 @@ class Effect(ABC):
         ]
         if given:
             cls.parameters = tuple(given)
-        hooks: tuple[Hook, ...] = get_args(Hook)
-        own = (hook for hook in hooks if getattr(cls, hook) is not getattr(Effect, hook))
+        own = (h for h in get_args(Hook) if getattr(cls, h) is not getattr(Effect, h))
         cls.acts_by = frozenset(own)
 
     def __post_init__(self) -> None:
@@ -502,46 +491,31 @@ class Effect(ABC):
     def meshed(
         self, robot: Robot, motion: Motion, output: FloatArray, mesh: FloatArray
     ) -> FloatArray:
-        """Return the mesh input t (..., m) that gears need to give T, where it has a memory.
+        """Return the mesh input t (..., m) [N m] that gears need to give `output` T (..., m).
 
         An effect whose gear loses by more than its efficiencies at the present motion replaces
-        its column along a log. In a simulator such a gear has no loss but this effect's
-        `rotor_torque`, which finds T in `motion.mesh_torque`.
-
-        Args:
-            robot: the robot, whose efficiencies are the limit of the loss.
-            motion: one sample or many.
-            output: T (..., m) [N m].
-            mesh: t (..., m) [N m] by the gears' efficiencies and the effects before.
+        its column of `mesh`, t by these efficiencies, along a log. In a simulator such a gear has
+        no loss but this effect's `rotor_torque`, which finds T in `motion.mesh_torque`.
         """
         return mesh
 
     def memory_energy(self, robot: Robot, motion: Motion) -> MemoryEnergy | None:
-        """Return where the work went that the effect took over a step; None without a store.
-
-        Args:
-            robot: the robot.
-            motion: of a simulator's step, with `memory`.
-        """
+        """Return where the work went that the effect took over a step; None without a store."""
         return None
 
     def first_memory(self, robot: Robot) -> FloatArray | None:
         """Return the effect's own state at the start of a simulation; None if it has none.
 
-        An effect whose action depends on more than the present motion (a temperature, torque on
-        its way) keeps that here. A simulator carries it from step to step and shows it to every
-        hook as `motion.memory`; along a log `motion.memory` is None and the hook works it out from
-        the series.
+        A simulator carries what an action depends on beside the present motion from step to step,
+        and shows it to every hook as `motion.memory`. Along a log that is None, and the hook works
+        it out from the series.
         """
         return None
 
     def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the effect's own state a step after `motion.memory`.
 
-        Args:
-            robot: the robot.
-            motion: in the middle of the step.
-            torque: rotor torque (m,) that reaches this effect's `drive` during the step.
+        The motion is that in the middle of the step, the torque (m,) [N m] what reaches `drive`.
 
         Raises:
             EffectError: the effect has a memory and does not say how it goes on.

@@ -149,7 +149,7 @@ def closed_loops(path: Path) -> tuple[str, ...]:
     """Return the loops that an MJCF file closes, by what closes them and the bodies or sites."""
     if path.suffix != ".xml":
         return ()
-    items = [item for equality in xml_root(path).iter("equality") for item in equality]
+    items = xml_root(path).iterfind(".//equality/*")
     return tuple(f"{item.tag} of {_between(item)}" for item in items if item.tag in _LOOPS)
 
 
@@ -172,13 +172,12 @@ def _of_urdf(root: ET.Element) -> list[str]:
 
 def _of_mjcf(root: ET.Element) -> list[str]:
     notes = []
-    for equality in root.iter("equality"):
-        for item in equality:
-            kind = "closes a loop" if item.tag in _LOOPS else "couples joints"
-            notes.append(
-                f"equality '{item.tag}' of {_between(item)} {kind} and was left out: links form a "
-                "tree here. A parallelogram or belt is the topology of [transmission]."
-            )
+    for item in root.iterfind(".//equality/*"):
+        kind = "closes a loop" if item.tag in _LOOPS else "couples joints"
+        notes.append(
+            f"equality '{item.tag}' of {_between(item)} {kind} and was left out: links form a "
+            "tree here. A parallelogram or belt is the topology of [transmission]."
+        )
     for name, meaning in (
         ("stiffness", "add a joint_spring"),
         ("springref", "the rest angle of a joint_spring"),
@@ -186,22 +185,20 @@ def _of_mjcf(root: ET.Element) -> list[str]:
         held = [
             f"{joint.get('name', 'of a default class')} {joint.get(name)}"
             for joint in root.iter("joint")
-            if joint.get(name) and any(float(x) != 0.0 for x in joint.get(name, "").split())
+            if any(float(x) != 0.0 for x in joint.get(name, "").split())
         ]
         if held:
             notes.append(f"{name} ({', '.join(held)}) was left out; {meaning}.")
     ranges = [
         f"{motor.get('joint', motor.get('name', motor.tag))} [{motor.get('ctrlrange')}]"
-        for actuators in root.iter("actuator")
-        for motor in actuators
-        if motor.get("ctrlrange")
+        for motor in root.iterfind(".//actuator/*[@ctrlrange]")
     ]
     if ranges:
         notes.append(
             f"ctrlrange ({', '.join(ranges)}) was left out; give torque_limit of the gears in "
             "robot.toml."
         )
-    keys = [key.get("name", "without a name") for frame in root.iter("keyframe") for key in frame]
+    keys = [key.get("name", "without a name") for key in root.iterfind(".//keyframe/*")]
     if keys:
         notes.append(f"keyframes ({', '.join(keys)}) were left out; give them as [poses].")
     return notes

@@ -132,11 +132,6 @@ class RotorMounting(NamedTuple):
 def require_sound(name: str, model: pin.Model, contacts: Sequence[ContactPoint]) -> None:
     """Check a robot's links and contacts.
 
-    Args:
-        name: of the robot, for messages.
-        model: of its links.
-        contacts: its contact points.
-
     Raises:
         RobotError: two contacts of one name, or one at no frame; joints whose inertia matrix
             pinocchio would get wrong; rotor inertias in the model, which would count twice.
@@ -149,7 +144,8 @@ def require_sound(name: str, model: pin.Model, contacts: Sequence[ContactPoint])
             known = [frame.name for frame in model.frames]
             place = f"contact '{contact.name}': "
             raise RobotError(place + unknown_name(f"frame of '{name}'", contact.frame, known))
-    if not _depth_first(model):
+    before = zip(list(model.parents)[1:], model.supports, strict=False)
+    if not all(parent in way for parent, way in before):  # the joint before, or its ancestors
         raise RobotError(
             f"the joints of '{name}' are not in depth-first order: pinocchio's inertia "
             "matrix would be wrong without a word. Add each subtree's joints in one go, as the "
@@ -160,18 +156,6 @@ def require_sound(name: str, model: pin.Model, contacts: Sequence[ContactPoint])
             f"the model of '{name}' carries armature; put rotor inertias into the "
             "transmission instead (they would count twice)."
         )
-
-
-def _depth_first(model: pin.Model) -> bool:
-    """Return whether every joint's parent is the joint before it or one of that one's ancestors."""
-    chain = [0]
-    for number in range(1, model.njoints):
-        parent = int(model.parents[number])
-        if parent not in chain:
-            return False
-        del chain[chain.index(parent) + 1 :]
-        chain.append(number)
-    return True
 
 
 _UNMOVED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # q of a free-flyer at the origin
@@ -257,20 +241,18 @@ class Robot(Remade):
         poses = {name: frozen(q) for name, q in self.poses.items()}
         object.__setattr__(self, "poses", MappingProxyType(poses))
         model = self.model
-        rows, positions = [], []
-        for joint in self.transmission.joints:
-            number = self._joint_id(joint)
-            if model.joints[number].nv != 1 or model.joints[number].nq != 1:
+        driven = [(name, model.joints[self._joint_id(name)]) for name in self.transmission.joints]
+        for name, joint in driven:
+            if joint.nv != 1 or joint.nq != 1:
                 raise RobotError(
-                    f"joint '{joint}' of '{self.name}' has {model.joints[number].nv} degrees of "
-                    "freedom; a gear drives a joint with one (revolute with limits or prismatic)."
+                    f"joint '{name}' of '{self.name}' has {joint.nv} degrees of freedom; a gear "
+                    "drives a joint with one (revolute with limits or prismatic)."
                 )
-            rows.append(model.joints[number].idx_v)
-            positions.append(model.joints[number].idx_q)
-        object.__setattr__(self, "actuated", frozen(rows, np.int_))
-        object.__setattr__(self, "actuated_position", frozen(positions, np.int_))
-        rest = [i for i in range(model.nv) if i not in set(rows)]
-        object.__setattr__(self, "unactuated", frozen(rest, np.int_))
+        rows, places = [j.idx_v for _, j in driven], [j.idx_q for _, j in driven]
+        rest = sorted({*range(model.nv)} - {*rows})
+        parts = {"actuated": rows, "actuated_position": places, "unactuated": rest}
+        for field_name, numbers in parts.items():
+            object.__setattr__(self, field_name, frozen(numbers, np.int_))
         require_sound(self.name, model, self.contacts)
 
     def require_tree(self) -> None:
@@ -508,7 +490,7 @@ class Robot(Remade):
                 f"'{self.name}' keeps its contacts ({names}), their order and their frames; use "
                 "dataclasses.replace(robot, contacts=...) for others."
             )
-        return self._with(contacts=changed, source=self._changed_source(), before_effects=None)
+        return self._changed(contacts=changed)
 
     def with_torque_sensors(self, joints: Iterable[str]) -> Robot:
         """Return the same robot with torque sensors behind the gears of these joints.
@@ -526,10 +508,8 @@ class Robot(Remade):
 
     def with_transmission(self, transmission: Transmission) -> Robot:
         """Return a copy with other gears."""
-        change = replace if transmission.joints != self.transmission.joints else Robot._with
-        return change(
-            self, transmission=transmission, source=self._changed_source(), before_effects=None
-        )
+        changed = self._changed(transmission=transmission)
+        return changed if transmission.joints == self.transmission.joints else replace(changed)
 
     def with_drive_times(self, times: Mapping[str, ArrayLike]) -> Robot:
         """Return the same robot with other times of its drives; a saved file has them.
@@ -550,13 +530,13 @@ class Robot(Remade):
         model = self.model.copy()
         for joint_number, inertia in inertias.items():
             model.inertias[joint_number] = inertia
-        return self._with(model=model, source=self._changed_source(), before_effects=None)
+        return self._changed(model=model)
 
     def with_gravity(self, gravity: ArrayLike) -> Robot:
         """Return a copy in a gravity field `gravity` (3,) [m/s^2], world frame."""
         model = self.model.copy()
         model.gravity.linear = checked(gravity, (3,), "gravity", RobotError)
-        return self._with(model=model, source=self._changed_source(), before_effects=None)
+        return self._changed(model=model)
 
     def with_free_bodies(self, *bodies: FreeBody, pairs: Iterable[tuple[str, str]] = ()) -> Robot:
         """Return the same robot with free bodies behind its own coordinates, at the origin.
@@ -586,16 +566,16 @@ class Robot(Remade):
 
         Effects that changed a gear before are overruled; effects added afterwards act.
         """
-        source = self._changed_source()
+        changed = self._changed(transmission=self.transmission.lossless())
         if self.source is not None and not self.effects:
-            source = replace(self.source, lossless=True)
-        before = None if self.before_effects is None else self.before_effects.lossless()
-        gears = self.transmission.lossless()
-        return replace(self, transmission=gears, source=source, before_effects=before)
+            changed = changed._with(source=replace(self.source, lossless=True))
+        before = self.before_effects
+        return changed._with(before_effects=None if before is None else before.lossless())
 
-    def _changed_source(self) -> RobotSource | None:
-        """Return where the links are from, as the source of a robot that no file can refer to."""
-        return None if self.source is None else replace(self.source, changed=True)
+    def _changed(self, **changes: Any) -> Robot:
+        """Return a copy with some fields changed, to which no file can refer."""
+        source = None if self.source is None else replace(self.source, changed=True)
+        return self._with(**changes, source=source, before_effects=None)
 
     def neutral(self) -> FloatArray:
         """Return pinocchio's neutral configuration, (nq,)."""

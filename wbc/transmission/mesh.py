@@ -36,9 +36,6 @@ def wedge_backward_efficiency(forward_efficiency: ArrayLike) -> FloatArray:
     On a wedge eta_f = 1/(1 + k) and eta_b = 1 - k with k = mu tan(alpha), hence the relation; it
     reaches zero (self-locking) at eta_f = 1/2, as the paper states of equation (38) of its [9].
 
-    Args:
-        forward_efficiency: eta_f in (0, 1].
-
     Raises:
         TransmissionError: eta_f outside (0, 1].
     """
@@ -97,10 +94,8 @@ def efficiency(
 ) -> FloatArray:
     """Return the diagonal of E_m (...): eta_f where forward, 1/eta_b where backward, else 1.
 
-    Args:
-        directions: (...) of the power, +1 forward, -1 backward, 0 stuck.
-        forward_efficiency: eta_f, broadcast over the last axis.
-        backward_efficiency: eta_b, likewise.
+    Directions (...) are +1 forward, -1 backward, 0 stuck; efficiencies are broadcast over the last
+    axis.
 
     Raises:
         TransmissionError: backward through a self-locking gear, which has no finite 1/eta_b.
@@ -213,10 +208,7 @@ class WedgeBlock(Ranged):
     def mesh_force(self, contact_force: float, wedge_speed: float) -> FloatArray:
         """Return r = A' lambda + f_d, (2,) [N] on [block, wedge], for a sliding wedge.
 
-        Args:
-            contact_force: lambda [N]; with the paper's A' = [-1, cos(alpha)] the block is pushed
-                along -x by a positive lambda.
-            wedge_speed: u_dot [m/s], not zero.
+        With the paper's A' = [-1, cos(alpha)] a positive lambda [N] pushes the block along -x.
         """
         drag = -self.friction * np.sin(self.slope) * abs(contact_force) * np.sign(wedge_speed)
         return np.array([-contact_force, cos(self.slope) * contact_force + drag])

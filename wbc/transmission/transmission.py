@@ -41,18 +41,17 @@ def _number(unit: str, default: float | None, *rules: _Rule, needed: bool = Fals
     return field(metadata=told) if needed else field(default=None, metadata=told)
 
 
-def _above_zero(unit: str, default: float | None, *, zero: bool = False) -> Any:
-    """Return the field of a number that is positive, or not negative, where it is known."""
-    unknown = default is not None and np.isnan(default)
-
-    def holds(x: FloatArray) -> NDArray[np.bool_]:
-        return np.asarray((x >= 0.0 if zero else x > 0.0) | (np.isnan(x) & unknown))
-
-    text = f"{'>=' if zero else '>'} 0{', or NaN where unknown' if unknown else ''}"
-    return _number(unit, default, (holds, text))
-
-
-_NO_POWER = "at most 1 (above it a gear that its joint drives would create power)"
+_POSITIVE: _Rule = (lambda x: x > 0.0, "> 0")
+_AT_LEAST_0: _Rule = (lambda x: x >= 0.0, ">= 0")
+_POSITIVE_IF_KNOWN: _Rule = (lambda x: ~(x <= 0.0), "> 0, or NaN where unknown")
+_AT_LEAST_0_IF_KNOWN: _Rule = (lambda x: ~(x < 0.0), ">= 0, or NaN where unknown")
+_AT_MOST_1: _Rule = (lambda x: x <= 1.0, "<= 1")
+_NO_POWER: _Rule = (
+    _AT_MOST_1[0],
+    "at most 1 (above it a gear that its joint drives would create power)",
+)
+_SHARE: _Rule = (lambda x: (x >= 0.0) & (x < 1.0), ">= 0 and < 1")
+_NOT_0: _Rule = (lambda x: x != 0.0, "other than 0")
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,31 +98,29 @@ class Transmission(Remade):
     """
 
     joints: tuple[str, ...]
-    gear_ratio: FloatArray = _number("1", None, (lambda x: x != 0.0, "other than 0"), needed=True)
-    rotor_inertia: FloatArray = _number("kg m^2", None, (lambda x: x >= 0.0, ">= 0"), needed=True)
+    gear_ratio: FloatArray = _number("1", None, _NOT_0, needed=True)
+    rotor_inertia: FloatArray = _number("kg m^2", None, _AT_LEAST_0, needed=True)
     topology: FloatArray = None  # type: ignore[assignment]
-    forward_efficiency: FloatArray = _number(
-        "1", 1.0, (lambda x: x > 0.0, "> 0"), (lambda x: x <= 1.0, "<= 1")
-    )
-    backward_efficiency: FloatArray = _number("1", None, (lambda x: x <= 1.0, _NO_POWER))
-    rotor_coulomb_friction: FloatArray = _above_zero("N m", 0.0, zero=True)
-    rotor_viscous_friction: FloatArray = _above_zero("N m s/rad", 0.0, zero=True)
-    torque_limit: FloatArray = _above_zero("N m", np.inf)
-    speed_limit: FloatArray = _above_zero("rad/s", np.inf)
-    torque_constant: FloatArray = _above_zero("N m/A", np.nan)
-    resistance: FloatArray = _above_zero("ohm", np.nan)
-    position_gain: FloatArray = _above_zero("N m/rad", np.nan)
-    velocity_gain: FloatArray = _above_zero("N m s/rad", 0.0, zero=True)
-    duty_gain: FloatArray = _above_zero("1/rad", np.nan)
-    supply_voltage: FloatArray = _above_zero("V", np.nan)
-    target_delay: FloatArray = _above_zero("s", np.nan, zero=True)
-    feedback_delay: FloatArray = _above_zero("s", np.nan, zero=True)
-    velocity_lag: FloatArray = _above_zero("s", np.nan, zero=True)
-    stiffness: FloatArray = _above_zero("N m/rad", np.inf)
-    damping: FloatArray = _above_zero("N m s/rad", 0.0, zero=True)
-    backlash: FloatArray = _above_zero("rad", 0.0, zero=True)
-    slow_loss: FloatArray = _number("1", 0.0, (lambda x: (x >= 0.0) & (x < 1.0), ">= 0 and < 1"))
-    slow_speed: FloatArray = _above_zero("rad/s", 1.0)
+    forward_efficiency: FloatArray = _number("1", 1.0, _POSITIVE, _AT_MOST_1)
+    backward_efficiency: FloatArray = _number("1", None, _NO_POWER)
+    rotor_coulomb_friction: FloatArray = _number("N m", 0.0, _AT_LEAST_0)
+    rotor_viscous_friction: FloatArray = _number("N m s/rad", 0.0, _AT_LEAST_0)
+    torque_limit: FloatArray = _number("N m", np.inf, _POSITIVE)
+    speed_limit: FloatArray = _number("rad/s", np.inf, _POSITIVE)
+    torque_constant: FloatArray = _number("N m/A", np.nan, _POSITIVE_IF_KNOWN)
+    resistance: FloatArray = _number("ohm", np.nan, _POSITIVE_IF_KNOWN)
+    position_gain: FloatArray = _number("N m/rad", np.nan, _POSITIVE_IF_KNOWN)
+    velocity_gain: FloatArray = _number("N m s/rad", 0.0, _AT_LEAST_0)
+    duty_gain: FloatArray = _number("1/rad", np.nan, _POSITIVE_IF_KNOWN)
+    supply_voltage: FloatArray = _number("V", np.nan, _POSITIVE_IF_KNOWN)
+    target_delay: FloatArray = _number("s", np.nan, _AT_LEAST_0_IF_KNOWN)
+    feedback_delay: FloatArray = _number("s", np.nan, _AT_LEAST_0_IF_KNOWN)
+    velocity_lag: FloatArray = _number("s", np.nan, _AT_LEAST_0_IF_KNOWN)
+    stiffness: FloatArray = _number("N m/rad", np.inf, _POSITIVE)
+    damping: FloatArray = _number("N m s/rad", 0.0, _AT_LEAST_0)
+    backlash: FloatArray = _number("rad", 0.0, _AT_LEAST_0)
+    slow_loss: FloatArray = _number("1", 0.0, _SHARE)
+    slow_speed: FloatArray = _number("rad/s", 1.0, _POSITIVE)
     housings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -142,9 +139,8 @@ class Transmission(Remade):
                 given = wedge_backward_efficiency(self.forward_efficiency)
             self._store(name, np.full(m, number.default) if given is None else given)
         topology = np.eye(m) if self.topology is None else self.topology
-        object.__setattr__(
-            self, "topology", checked(topology, (m, m), "topology D", TransmissionError)
-        )
+        topology = checked(topology, (m, m), "topology D", TransmissionError)
+        object.__setattr__(self, "topology", topology)
         if m and np.linalg.cond(self.topology) > 1e8:
             raise TransmissionError("topology D is singular: some motor motion moves no joint.")
 
