@@ -103,11 +103,10 @@ def _screens(
     place of losses in its gears and of rotors, and did not end in 150 CPU seconds).
     """
     column, row = robot.transmission.index(where), robot.velocity_index(where)
-    stated = bool(np.isfinite(robot.transmission.torque_limit[column]))
     fed_back = [motion.feedback_torque for motion in evidence.motions]
-    if stated and any(own is not None and np.any(own[..., column]) for own in fed_back):
-        return ()
-    if evidence.currents is not None and evidence.currents[column]:
+    follows = any(own is not None and np.any(own[..., column]) for own in fed_back)
+    by_law = follows and np.isfinite(robot.transmission.torque_limit[column])
+    if by_law or (evidence.currents is not None and evidence.currents[column]):
         return ()
     ratio = float(robot.transmission.gear_ratio[column])
     reported = [torque[:, column] * ratio for torque in evidence.reported]
@@ -257,15 +256,13 @@ class SupplySag(Effect):
         being the powers of the delivered torque. Newton's method from f = 1 meets the largest
         root, the one at which more drive still gives more torque.
         """
-        shaft, heat = self._powers(robot, motion, torque)
+        shaft, heat = (self.coefficient * power for power in self._powers(robot, motion, torque))
         share = np.ones_like(shaft)
         for _ in range(12):
-            power = shaft / share + heat / share**2
-            draws = power > 0.0
-            miss = 1.0 - self.coefficient * np.where(draws, power, 0.0) - share
-            growth = self.coefficient * (shaft / share**2 + 2.0 * heat / share**3)
-            slope = np.where(draws, growth, 0.0) - 1.0
-            step = np.where(slope < 0.0, miss / np.where(slope < 0.0, slope, -1.0), share)
+            # A share that no longer falls there was the last: more drive gives less.
+            slope = np.minimum(shaft / share**2 + 2.0 * heat / share**3, 1.0) - 1.0
+            miss = np.minimum(1.0 - shaft / share - heat / share**2, 1.0) - share
+            step = np.divide(miss, slope, out=share.copy(), where=slope < 0.0)
             share = np.clip(share - step, _SAG_LEAVES, 1.0)
         return np.asarray(torque / share)
 
@@ -295,24 +292,17 @@ def _voltage_screens(
     """
     if not _voltage_recognisable(kind.at(where), robot, evidence.motions):
         return ()
-    lowest, highest = _voltages(robot, where, evidence.motions)
-    described = float(robot.transmission.supply_voltage[robot.transmission.index(where)])
-    nominals = [0.5 * (lowest + highest), highest]
-    if np.isfinite(described):
-        nominals.append(described)
-    tried = np.clip(list(dict.fromkeys(nominals)), 1.0, 1000.0)
+    lowest, highest = range_of(robot, where, (m.supply_voltage for m in evidence.motions))
+    described = robot.transmission.supply_voltage[robot.transmission.index(where)]
+    nominals = dict.fromkeys([0.5 * (lowest + highest), highest, described])
+    tried = np.clip([nominal for nominal in nominals if np.isfinite(nominal)], 1.0, 1000.0)
     return Screen.shapes("share", "nominal", tried, step=1e-2)
 
 
 def _voltage_recognisable(effect: VoltageScaling, robot: Robot, motions: Sequence[Motion]) -> bool:
     """Whether the voltage changed: at one voltage this is a wrong torque constant."""
-    lowest, highest = _voltages(robot, effect.where, motions)
+    lowest, highest = range_of(robot, effect.where, (m.supply_voltage for m in motions))
     return bool(0.0 < lowest < highest < np.inf)
-
-
-def _voltages(robot: Robot, where: str, motions: Sequence[Motion]) -> tuple[float, float]:
-    """Return the lowest and highest voltage [V] at a drive."""
-    return range_of([motion.supply_voltage for motion in motions], robot.transmission.index(where))
 
 
 @final
@@ -442,10 +432,9 @@ def in_drive_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     torque by a factor comes after them. In which order causes were found is no evidence of it.
     """
     found = tuple(effects)
-    places = [k for k, effect in enumerate(found) if "drive" in effect.acts_by]
 
-    def link(k: int) -> int:
-        return next((n for n, kind in enumerate(_CHAIN) if isinstance(found[k], kind)), len(_CHAIN))
+    def link(effect: Effect) -> int:
+        return (*(isinstance(effect, kind) for kind in _CHAIN), True).index(True)
 
-    drives = dict(zip(places, sorted(places, key=link), strict=True))
-    return tuple(found[drives.get(k, k)] for k in range(len(found)))
+    drives = iter(sorted((e for e in found if "drive" in e.acts_by), key=link))
+    return tuple(next(drives) if "drive" in effect.acts_by else effect for effect in found)

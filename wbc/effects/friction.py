@@ -51,14 +51,6 @@ def directional(v: FloatArray, positive: float, negative: float) -> FloatArray:
     return -(positive * np.maximum(v, 0.0) + negative * np.minimum(v, 0.0))
 
 
-def _directional_recognisable(
-    effect: DirectionalViscousFriction, robot: Robot, motions: Sequence[Motion]
-) -> bool:
-    """Whether the joint moved in both directions: in one alone this is viscous friction."""
-    speeds = np.concatenate([effect.joint_velocity(robot, motion) for motion in motions])
-    return bool(np.min(speeds) < 0.0 < np.max(speeds))
-
-
 @final
 @dataclass(frozen=True)
 class DirectionalViscousFriction(JointEffect):
@@ -83,7 +75,8 @@ class DirectionalViscousFriction(JointEffect):
     )
     search = SearchOffer(
         claims=2,  # friction, and that it differs by direction
-        recognisable=_directional_recognisable,
+        # In one direction alone this is viscous friction.
+        recognisable=lambda own, *seen: bool(np.ptp(np.sign(own.speeds(*seen))) == 2.0),
     )
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
@@ -111,8 +104,8 @@ def _thermal_recognisable(
     effect: ThermalViscousFriction, robot: Robot, motions: Sequence[Motion]
 ) -> bool:
     """Whether the temperature changed: at one temperature this is viscous friction."""
-    coldest, warmest = range_of([motion.temperature for motion in motions], effect.gear(robot))
-    return warmest > coldest
+    coldest, warmest = range_of(robot, effect.where, (motion.temperature for motion in motions))
+    return bool(warmest > coldest)
 
 
 @final
@@ -207,19 +200,9 @@ def _stribeck_screens(
     kind: type[StribeckFriction], robot: Robot, where: str, evidence: Evidence
 ) -> tuple[Screen, ...]:
     """Return one screen per Stribeck speed, from a tenth to half of the speeds seen."""
-    row = robot.velocity_index(where)
-    seen = np.concatenate([np.abs(motion.velocity[:, row]) for motion in evidence.motions])
-    usual = float(np.sqrt(np.mean(seen**2)))
+    usual = float(np.sqrt(np.mean(kind.at(where).speeds(robot, evidence.motions) ** 2)))
     speeds = np.clip(usual * np.geomspace(0.08, 0.8, 6), 0.001, 20.0)
     return Screen.shapes("level", "speed", speeds if usual > 0.0 else ())
-
-
-def _stribeck_recognisable(
-    effect: StribeckFriction, robot: Robot, motions: Sequence[Motion]
-) -> bool:
-    """Whether the joint passed twice the Stribeck speed: below it this is Coulomb friction."""
-    fastest = max(np.abs(effect.joint_velocity(robot, motion)).max() for motion in motions)
-    return bool(2.0 * effect.speed < fastest)
 
 
 @final
@@ -243,7 +226,10 @@ class StribeckFriction(JointEffect):
         "first falls with speed, then rises."
     )
     search = SearchOffer(
-        near_rest=True, screens=_stribeck_screens, recognisable=_stribeck_recognisable
+        near_rest=True,
+        screens=_stribeck_screens,
+        # Below twice the Stribeck speed this is Coulomb friction.
+        recognisable=lambda own, *seen: bool(2.0 * own.speed < np.abs(own.speeds(*seen)).max()),
     )
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
@@ -261,6 +247,13 @@ class RotorFriction(GearNumbers, ABC):
     torque sensor behind the gear tells the two apart. So does a gear with losses under load: what
     rubs at the motor does not load it.
     """
+
+    experiment = (
+        "Where joints share the motor, move them against one another so that it stands still: what "
+        "drags or rubs at the motor falls away. Else lift and lower weights, slowly and at several "
+        "speeds: friction behind the gear adds to the load that the gear loses a share of."
+    )
+    search = SearchOffer(expected=2.0)
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:
@@ -297,12 +290,6 @@ class RotorViscousFriction(RotorFriction):
         "Grease is sheared on the motor's side of the gear: a torque grows with the speed of the "
         "motor, and does not load the gear."
     )
-    experiment = (
-        "Where joints share the motor, move them against one another so that it stands still: what "
-        "drags at the motor falls away. Else lift and lower weights at several speeds: friction "
-        "behind the gear adds to the load that the gear loses a share of."
-    )
-    search = SearchOffer(expected=2.0)
 
 
 @final
@@ -321,9 +308,3 @@ class RotorCoulombFriction(RotorFriction):
         "Seals and bearings rub on the motor's side of the gear: the torque changes sign with the "
         "speed of the motor, and does not load the gear."
     )
-    experiment = (
-        "Where joints share the motor, move them against one another so that it stands still: what "
-        "rubs at the motor falls away. Else lift and lower weights slowly: friction behind the "
-        "gear adds to the load that the gear loses a share of."
-    )
-    search = SearchOffer(expected=2.0)

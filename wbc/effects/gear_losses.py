@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, Self, final, get_args
 
@@ -151,20 +151,9 @@ def _load_screens(
     kind: type[LoadStribeckFriction], robot: Robot, where: str, evidence: Evidence
 ) -> tuple[Screen, ...]:
     """Return one screen per Stribeck speed; the torque is nearly linear in the coefficient."""
-    gear = robot.transmission.index(where)
-    speeds = [_output_speed(robot, gear, motion) for motion in evidence.motions]
-    usual = float(np.sqrt(np.mean(np.concatenate(speeds) ** 2)))
+    usual = float(np.sqrt(np.mean(kind.at(where).speeds(robot, evidence.motions) ** 2)))
     tried = np.clip(np.multiply(_SLOWNESS, usual), 0.001, 20.0) if usual > 0.0 else ()
     return Screen.shapes("coefficient", "speed", tried, step=1e-3)
-
-
-def _load_recognisable(
-    effect: LoadStribeckFriction, robot: Robot, motions: Sequence[Motion]
-) -> bool:
-    """Whether the gear passed twice the Stribeck speed: below it this is load friction."""
-    gear = robot.transmission.index(effect.where)
-    fastest = max(np.abs(_output_speed(robot, gear, m)).max() for m in motions)
-    return bool(2.0 * effect.speed < fastest)
 
 
 @final
@@ -204,13 +193,13 @@ class LoadStribeckFriction(GearNumbers):
             )
         },
         screens=_load_screens,
-        recognisable=_load_recognisable,
+        # Below twice the Stribeck speed this is load friction.
+        recognisable=lambda own, *seen: bool(2.0 * own.speed < np.abs(own.speeds(*seen)).max()),
     )
 
-
-def _output_speed(robot: Robot, gear: int, motion: Motion) -> FloatArray:
-    """Return w (...) [rad/s] of the output of a gear."""
-    return np.asarray(motion.velocity @ robot.motor_rows[gear])
+    def joint_velocity(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return w (...) [rad/s] of the gear's output."""
+        return np.asarray(motion.velocity @ robot.motor_rows[self.gear(robot)])
 
 
 Side = Literal["link", "motor", "either"]

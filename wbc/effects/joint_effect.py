@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -69,6 +69,14 @@ class JointEffect(Effect, ABC):
     def joint_velocity(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return this joint's velocity, (...) [rad/s or m/s]."""
         return np.asarray(motion.velocity[..., self.velocity_row(robot)])
+
+    def positions(self, robot: Robot, motions: Iterable[Motion]) -> FloatArray:
+        """Return this joint's positions in some motions, one after the other, (...)."""
+        return np.concatenate([self.joint_position(robot, motion) for motion in motions])
+
+    def speeds(self, robot: Robot, motions: Iterable[Motion]) -> FloatArray:
+        """Return this joint's velocities in some motions, one after the other, (...)."""
+        return np.concatenate([self.joint_velocity(robot, motion) for motion in motions])
 
     def on_joint(self, robot: Robot, motion: Motion, torque: ArrayLike) -> FloatArray:
         """Return `torque` (...) at this joint's row of a (..., nv) array of zeros."""
@@ -136,14 +144,8 @@ class GearNumbers(JointEffect, ABC):
         return robot.with_transmission(gears.with_values(self.where, numbers))
 
 
-def range_of(values: Sequence[FloatArray | None], gear: int | IntArray) -> tuple[float, float]:
-    """Return the lowest and highest value at a gear; NaN where not all logs know it.
-
-    Args:
-        values: (N, m) per log.
-        gear: its column.
-    """
-    known = [value[..., gear] for value in values if value is not None]
-    if len(known) < len(values) or not known:
-        return np.nan, np.nan
-    return min(float(np.min(v)) for v in known), max(float(np.max(v)) for v in known)
+def range_of(robot: Robot, where: str, values: Iterable[FloatArray | None]) -> FloatArray:
+    """Return lowest and highest of values (N, m) per log at a gear; NaN where a log has none."""
+    gear = robot.transmission.index(where)
+    own = np.concatenate([[np.nan] if v is None else v[..., gear] for v in values])
+    return np.array([np.min(own), np.max(own)])

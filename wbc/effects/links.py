@@ -6,7 +6,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import islice
 from typing import Self, final
 
 import numpy as np
@@ -79,11 +78,8 @@ class DrawnInertia:
         matrix = pin.PseudoInertia.FromInertia(inertia).toMatrix()
         mass, center = inertia.mass, np.array(inertia.lever)
         second = matrix[:3, :3] - mass * np.outer(center, center)
-        squares, axes = np.linalg.eigh(second)
-        thin = mass * (_THIN * _length(robot, joint)) ** 2
-        second = (axes * np.maximum(squares, thin)) @ axes.T
         factor = np.zeros((4, 4))
-        factor[:3, :3] = np.linalg.cholesky(second[::-1, ::-1])[::-1, ::-1]
+        factor[:3, :3] = _upper_factor(second, mass * (_THIN * _length(robot, joint)) ** 2)
         factor[:3, 3] = np.sqrt(mass) * center
         factor[3, 3] = np.sqrt(mass)
         return cls(inertia, factor)
@@ -96,6 +92,13 @@ class DrawnInertia:
         beside = self.factor @ (changed_pseudo_inertia(numbers) - np.eye(4)) @ self.factor.T
         change = pin.PseudoInertia.FromMatrix(beside).toDynamicParameters()
         return pin.Inertia.FromDynamicParameters(self.inertia.toDynamicParameters() + change)
+
+
+def _upper_factor(matrix: FloatArray, least: float) -> FloatArray:
+    """Return U, upper triangular, with U U' = matrix, no eigenvalue of which is below `least`."""
+    squares, axes = np.linalg.eigh(matrix)
+    raised = (axes * np.maximum(squares, least)) @ axes.T
+    return np.asarray(np.linalg.cholesky(raised[::-1, ::-1])[::-1, ::-1])
 
 
 def changed_pseudo_inertia(numbers: Sequence[float]) -> FloatArray:
@@ -115,9 +118,7 @@ def of_first_order(change: FloatArray) -> FloatArray:
     """
     first = np.diag([*(change[0] + change[1:4]), change[0]])
     first[_SHEARS] = change[4:]
-    squares, axes = np.linalg.eigh(np.eye(4) + first + first.T)
-    whole = (axes * np.maximum(squares, np.exp(-2.0 * _LARGEST_LOG))) @ axes.T
-    factor = np.linalg.cholesky(whole[::-1, ::-1])[::-1, ::-1]
+    factor = _upper_factor(np.eye(4) + first + first.T, np.exp(-2.0 * _LARGEST_LOG))
     logs = np.log(np.diagonal(factor))
     found = [logs[3], *(logs[:3] - logs[3]), *(factor[_SHEARS] / factor[3, 3])]
     ends = [p.low for p in PARAMETERS], [p.high for p in PARAMETERS]
@@ -181,15 +182,6 @@ def _departures(effect: RedrawnLinks) -> FloatArray:
     return np.concatenate([departures(numbers) for numbers in effect.drawn().values()])
 
 
-def _implausibility(effect: RedrawnLinks, robot: Robot, motions: Sequence[Motion]) -> float:
-    """Return what a drawing costs that is worse than usual [nats], all links together.
-
-    The same people draw all links of a robot, so that one factor says how wrong the drawing is.
-    If each link cost on its own, a link as wrong as usual would cost a quarter of a nat.
-    """
-    return excess(_departures(effect))
-
-
 def _missing(effect: LinkInertia, robot: Robot, motions: Sequence[Motion]) -> float:
     """Return what one link costs of which more is missing than drawings usually have too much.
 
@@ -227,7 +219,9 @@ class RedrawnLinks(Effect, ABC):
     search = SearchOffer(
         claims=3,  # mass, centre of mass and inertia
         departures=_departures,
-        implausibility=_implausibility,
+        # The same people draw all links of a robot, so that one factor says how wrong the drawing
+        # is. If each link cost on its own, one as wrong as usual would cost a quarter of a nat.
+        implausibility=lambda own, *_: excess(_departures(own)),
         quantities=_quantities,
         screens=_screens,
     )
@@ -364,14 +358,9 @@ class LinkInertias(RedrawnLinks):
         Raises:
             EffectError: a number that it does not have, or one out of bounds.
         """
-        known = dict(self.values)
-        for name, value in values.items():
-            require_known(EffectError, f"parameter of {self.name}", name, known)
-            known[name] = float(value)
-        numbers = iter(known.values())
-        own = (tuple(islice(numbers, _COUNT)) for _ in self.links)
-        bodies = (body for body, _ in self.links)
-        return type(self)(self.where, tuple(zip(bodies, own, strict=True)))
+        for name in values:
+            require_known(EffectError, f"parameter of {self.name}", name, self.values)
+        return self.at(self.where, {**self.values, **values})
 
     def check_place(self, robot: Robot) -> None:
         """Raise EffectError unless every body is one of `robot` that has a mass."""
@@ -567,13 +556,7 @@ class GravityDirection(Effect):
 
 
 def add_point_mass(inertia: pin.Inertia, mass: float, point: FloatArray) -> pin.Inertia:
-    """Return `inertia` with a point mass [kg] added (a negative one taken away).
-
-    Args:
-        inertia: in some frame.
-        mass: [kg].
-        point: (3,) [m] in that frame.
-    """
+    """Return `inertia` with a mass [kg] added at a point (3,) [m]; a negative one is taken away."""
     unit = pin.Inertia(1.0, np.asarray(point), np.zeros((3, 3))).toDynamicParameters()
     return pin.Inertia.FromDynamicParameters(inertia.toDynamicParameters() + mass * unit)
 
@@ -602,10 +585,6 @@ def reach(robot: Robot, joint: int) -> float:
 
     To the joints and contact points that it carries, to its drawn centre of mass, and by two radii
     of gyration about that.
-
-    Args:
-        robot: as drawn.
-        joint: of the model, which moves the link.
     """
     inertia = robot.model.inertias[joint]
     sizes = [float(np.linalg.norm(point)) for point in (*robot.ends(joint), inertia.lever)]

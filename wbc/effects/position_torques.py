@@ -41,12 +41,6 @@ def _spring_screens(
     return (Screen(units, combine),)
 
 
-def _spring_recognisable(effect: JointSpring, robot: Robot, motions: Sequence[Motion]) -> bool:
-    """Whether the joint moved: at one place a spring is any constant."""
-    positions = np.concatenate([effect.joint_position(robot, motion) for motion in motions])
-    return float(np.ptp(positions)) > _LEAST_TRAVEL
-
-
 @final
 @dataclass(frozen=True)
 class JointSpring(JointEffect):
@@ -65,7 +59,11 @@ class JointSpring(JointEffect):
         "Hold the joint at several positions over its range with the load taken off: the "
         "torque is a straight line over position."
     )
-    search = SearchOffer(screens=_spring_screens, recognisable=_spring_recognisable)
+    search = SearchOffer(
+        screens=_spring_screens,
+        # At one place a spring is any constant.
+        recognisable=lambda own, *seen: bool(np.ptp(own.positions(*seen)) > _LEAST_TRAVEL),
+    )
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return -stiffness * (q - rest) at the joint, (..., nv) [N m]."""
@@ -73,6 +71,8 @@ class JointSpring(JointEffect):
         return self.on_joint(robot, motion, spring(q, self.stiffness, self.rest))
 
 
+LEAST_PERIODS = 1.0  # a period longer than the range of motion cannot be told from a slope
+_WAVE = 0.95 * 2.0 * np.pi * LEAST_PERIODS  # [rad]
 _WHOLE = 0.02  # waves per turn of the rotor this close to a whole number are taken for it
 
 
@@ -86,10 +86,8 @@ def _ripple_screens(
 ) -> tuple[Screen, ...]:
     """Return one screen per order at which the unexplained torque repeats with position."""
     position, torque = robot.position_index(where), robot.velocity_index(where)
-    orders = strongest_orders(
-        [motion.position[:, position] for motion in evidence.motions],
-        [unexplained[:, torque] for unexplained in evidence.unexplained],
-    )
+    positions = [motion.position[:, position] for motion in evidence.motions]
+    orders = strongest_orders(positions, [left[:, torque] for left in evidence.unexplained])
 
     def screen(order: float) -> Screen:
         units = tuple(
@@ -120,7 +118,7 @@ def _ripple_implausibility(effect: TorqueRipple, robot: Robot, motions: Sequence
     range: where that is more than a turn of the rotor, all three are one n-th for a wave that
     passed n periods.
     """
-    told = 2.0 * np.pi / effect._span(robot, motions)
+    told = 2.0 * np.pi / float(np.ptp(effect.positions(robot, motions)))
     anywhere = told / effect.order
     shares = [
         whole_number_share(effect.order / turns, told / turns) for turns in effect._turns(robot)
@@ -136,11 +134,6 @@ def _ripple_remarks(effect: TorqueRipple, robot: Robot) -> tuple[str, ...]:
     if rotor == 1.0 or whole < 1 or abs(waves - whole) > _WHOLE:
         return ()
     return (f"This is {whole} per turn of the rotor.",)
-
-
-def _ripple_recognisable(effect: TorqueRipple, robot: Robot, motions: Sequence[Motion]) -> bool:
-    """Whether the joint passed a whole period, within a twentieth."""
-    return effect.order * effect._span(robot, motions) > 0.95 * 2.0 * np.pi * LEAST_PERIODS
 
 
 @final
@@ -168,16 +161,14 @@ class TorqueRipple(JointEffect):
         screens=_ripple_screens,
         implausibility=_ripple_implausibility,
         remarks=_ripple_remarks,
-        recognisable=_ripple_recognisable,
+        # Of a whole period at most a twentieth may be missing.
+        recognisable=lambda own, *seen: bool(own.order * np.ptp(own.positions(*seen)) > _WAVE),
     )
 
     def _turns(self, robot: Robot) -> tuple[float, float]:
         """Return how often the joint and the rotor turn in a turn of the joint."""
         gears, gear = robot.transmission, robot.transmission.index(self.where)
         return 1.0, float(abs(gears.gear_ratio[gear] * gears.motor_from_joint[gear, gear]))
-
-    def _span(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        return float(np.ptp(np.concatenate([self.joint_position(robot, m) for m in motions])))
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return amplitude * sin(order * q + phase) at the joint, (..., nv) [N m]."""
@@ -187,7 +178,6 @@ class TorqueRipple(JointEffect):
 
 _BINS = 16384
 _CLEAR = 1e-6
-LEAST_PERIODS = 1.0  # a period longer than the range of motion cannot be told from a slope
 
 
 def strongest_orders(
@@ -200,8 +190,7 @@ def strongest_orders(
     where the joint rested: sums over samples are transforms of histograms over fine bins.
 
     Args:
-        positions: (N,) per log [rad or m].
-        torques: (N,) per log.
+        positions, torques: (N,) per log [rad or m, N m or N].
         count: how many peaks to return, strongest first.
     """
     low = min(float(position.min()) for position in positions)
@@ -228,10 +217,8 @@ def strongest_orders(
 def whole_number_share(order: float, told: float) -> float:
     """Return how likely the whole numbers k near an order are, at 1 / k each.
 
-    Args:
-        order: [1].
-        told: distance from which on an order is told from this one; nearer ones count less the
-            farther they are. Far above one it returns told / order, the integral over 1 / k.
+    From the distance `told` on an order is told from this one; nearer ones count less the farther
+    they are. Far above one the result is told / order, the integral over 1 / k.
     """
     whole = np.arange(max(np.ceil(order - told), 1.0), np.floor(order + told) + 1.0)
     near = np.maximum(1.0 - np.abs(whole - order) / told, 0.0)
@@ -241,9 +228,7 @@ def whole_number_share(order: float, told: float) -> float:
 def _explained(visits: FloatArray, total: FloatArray) -> FloatArray:
     """Return the sum of squares (K,) that a wave of k periods over all bins (B,) explains.
 
-    Args:
-        visits: samples per bin.
-        total: sum of what they hold, zero on the whole.
+    Each bin holds so many samples, and their sum, zero on the whole.
     """
     count = visits.size // 4
     wave, torque = np.fft.rfft(visits), np.fft.rfft(total)[:count]

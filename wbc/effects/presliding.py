@@ -6,7 +6,7 @@ the bristles of several places at once.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import ABC
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import final
@@ -52,28 +52,30 @@ def _recognisable(effect: Bristles, robot: Robot, motions: Sequence[Motion]) -> 
 
 
 class Bristles(JointEffect, ABC):
-    """Base of the effects in which z of bristles stands for the sign of a speed.
+    """Base of the effects in which z of bristles stands for the sign of a speed: at a joint, here.
 
     The memory of a simulator holds z, and what else a loss depends on, (1 or 2, k).
     """
 
-    length: float  # a field of every subclass; as one of this class it would come before theirs
+    # fields of subclasses; as some of this class they would come before theirs
+    length: float
+    level: float
 
-    @abstractmethod
     def _way(self, robot: Robot) -> FloatArray:
         """Return how the speed of the surfaces depends on v, (nv,) or (k, nv)."""
+        return np.asarray(np.eye(robot.model.nv)[self.velocity_row(robot)])
 
-    @abstractmethod
     def _place(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return how far the surfaces have moved, (...) [rad or m]."""
+        return self.joint_position(robot, motion)
 
-    @abstractmethod
     def _levels(self, robot: Robot, motion: Motion) -> tuple[FloatArray, FloatArray]:
         """Return the level (...) [N m] at z = 1 before a simulator's step, and in it."""
+        return np.asarray(self.level), np.asarray(self.level)
 
-    @abstractmethod
     def _rubbing(self, robot: Robot, motion: Motion, z: FloatArray) -> FloatArray:
         """Return the torque (...) [N m] that bristles take in a simulator's step."""
+        return self.level * z
 
     def _carried(self, robot: Robot, motion: Motion) -> tuple[FloatArray, ...]:
         """Return what a simulator carries beside z."""
@@ -113,7 +115,7 @@ class Bristles(JointEffect, ABC):
         return series and bool(np.all(np.greater(self.length, 0.0)))
 
     def _along(self, robot: Robot, motion: Motion) -> FloatArray:
-        """Return z along a log, (N,) or (N, k), from z = 0 at its start."""
+        """Return z along a log, (N,) or (N, k)."""
         from wbc.mechanics.series import bent_along  # it loads the compiler
 
         return bent_along(self._place(robot, motion), self.length)
@@ -195,18 +197,6 @@ class Presliding(Bristles):
             return None
         return self.on_joint(robot, motion, self.level)
 
-    def _way(self, robot: Robot) -> FloatArray:
-        return np.asarray(np.eye(robot.model.nv)[self.velocity_row(robot)])
-
-    def _place(self, robot: Robot, motion: Motion) -> FloatArray:
-        return self.joint_position(robot, motion)
-
-    def _levels(self, robot: Robot, motion: Motion) -> tuple[FloatArray, FloatArray]:
-        return np.asarray(self.level), np.asarray(self.level)
-
-    def _rubbing(self, robot: Robot, motion: Motion, z: FloatArray) -> FloatArray:
-        return self.level * z
-
 
 def travel_of(robot: Robot, where: str, motions: Sequence[Motion]) -> float:
     """Return the range of positions that a joint passed in one of the motions [rad or m]."""
@@ -216,11 +206,6 @@ def travel_of(robot: Robot, where: str, motions: Sequence[Motion]) -> float:
 
 _FORWARD, _BACKWARD = (p.usual for p in TransmissionEfficiency.parameters)
 _LOAD_SHARES = (0.012, 0.04, 0.13)  # of the travel; a fit goes on between them
-
-
-def _load_freedom(effect: LoadPresliding) -> float:
-    """The length, and the numbers that the efficiencies are."""
-    return 1 + TransmissionEfficiency.search.freedom(effect._efficiencies)
 
 
 def _load_screens(
@@ -238,11 +223,12 @@ def _load_screens(
         units = tuple({**unit, "length": length} for unit in free.units)
         return Screen(units, lambda c: {**free.combine(c), "length": length})
 
-    found = [screen(length) for length in lengths]
-    if null["forward_efficiency"] < 1.0 or null["backward_efficiency"] < 1.0:
-        bent = [{**null, "length": length} for length in lengths]
-        found += [Screen((values,), lambda _, values=values: values) for values in bent]  # type: ignore[misc]
-    return tuple(found)
+    def bent(length: float) -> Screen:
+        values = {**null, "length": length}
+        return Screen((values,), lambda _: values)
+
+    lossy = null["forward_efficiency"] < 1.0 or null["backward_efficiency"] < 1.0
+    return (*map(screen, lengths), *map(bent, lengths if lossy else ()))
 
 
 @final
@@ -281,7 +267,7 @@ class LoadPresliding(Bristles):
     )
     search = SearchOffer(
         claims=2,  # losses, and that they build up
-        freedom=_load_freedom,
+        freedom=lambda own: 1 + TransmissionEfficiency.search.freedom(own._efficiencies),
         screens=_load_screens,
         recognisable=_recognisable,
     )

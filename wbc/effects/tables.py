@@ -21,8 +21,9 @@ reverse.
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
+from itertools import filterfalse
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -82,11 +83,9 @@ _PERFECT = frozen([1.0, np.inf, 0.0])
 
 def effect_table(robot: Robot) -> EffectTable:
     """Return the effects of `robot` that compiled loops evaluate."""
-    tabled = [effect for effect in robot.effects if _is_tabled(robot, effect)]
-    joints, numbers = [], []
-    gears = robot.transmission
+    joints, numbers, gears = [], [], robot.transmission
     drives = np.tile(_PERFECT, (gears.size, 1))
-    for effect in tabled:
+    for effect in filter(_tabled(robot), robot.effects):
         values = list(effect.values.values())
         if type(effect) in _LAWS:
             at = robot.position_index(effect.where), robot.velocity_index(effect.where)
@@ -116,35 +115,28 @@ def left_for_hooks(robot: Robot) -> tuple[Effect, ...]:
     arrays (k,) as parameters. A user's kind whose hooks do not take them, or that has a memory,
     stays one effect per place.
     """
-    acting = [e for e in robot.effects if e.acts_by - {"change"} and not _is_tabled(robot, e)]
     groups: dict[object, list[Effect]] = {}
-    for effect in acting:
-        groups.setdefault(_kind(effect), []).append(effect)
+    for effect in filterfalse(_tabled(robot), robot.effects):
+        if effect.acts_by - {"change"}:
+            groups.setdefault(_kind(effect), []).append(effect)
     return tuple(effect for group in groups.values() for effect in _joined(robot, group))
 
 
-def _is_tabled(robot: Robot, effect: Effect) -> bool:
-    """Whether a table holds an effect.
+def _tabled(robot: Robot) -> Callable[[Effect], bool]:
+    """Return what says whether the table of a robot holds one of its effects.
 
     The drives of a robot act one after the other: all of them are in the table, or none.
     """
-    kind = type(effect)
-    if kind in _LAWS or kind is TorqueOffset:
-        return True
-    if kind in _DRIVES:
-        acting = [e for e in robot.effects if e.acts_by & {"drive", "drive_inverse"}]
-        return all(type(e) in _DRIVES for e in acting)
-    return False
-
-
-_DRIVES = (TorqueConstant, CurrentLimit)
+    kinds, drives = {*_LAWS, TorqueOffset}, {TorqueConstant, CurrentLimit}
+    if {type(e) for e in robot.effects if e.acts_by & {"drive", "drive_inverse"}} <= drives:
+        kinds |= drives
+    return lambda effect: type(effect) in kinds
 
 
 def _kind(effect: Effect) -> object:
     """Return what effects have in common that become one, if their hooks take arrays."""
-    numbers = {parameter.name for parameter in effect.parameters}
-    rest = {f.name: getattr(effect, f.name) for f in fields(effect) if f.name not in numbers}
-    del rest["where"]
+    known = {"where", *(parameter.name for parameter in effect.parameters)}
+    rest = {f.name: getattr(effect, f.name) for f in fields(effect) if f.name not in known}
     plain = all(isinstance(value, (str, bool, int, float)) for value in rest.values())
     remembers = type(effect).first_memory is not Effect.first_memory
     alone = not isinstance(effect, JointEffect) or (remembers and not _is_shipped(effect))
@@ -164,11 +156,9 @@ def _joined(robot: Robot, effects: Sequence[Effect]) -> Sequence[Effect]:
         return effects
     joints = [effect.where for effect in effects]
     driven = robot.transmission.joints
-    rows = Rows(
-        np.array([robot.position_index(joint) for joint in joints]),
-        np.array([robot.velocity_index(joint) for joint in joints]),
-        np.array([driven.index(joint) if joint in driven else -1 for joint in joints]),
-    )
+    gears = [driven.index(joint) if joint in driven else -1 for joint in joints]
+    places = map(robot.position_index, joints), map(robot.velocity_index, joints), gears
+    rows = Rows(*(np.array(list(own)) for own in places))
     if len(set(joints)) < len(joints) or (first.needs_drive and np.any(rows.gear < 0)):
         return effects
     one = copy.copy(first)
@@ -190,15 +180,10 @@ def _acts_like(robot: Robot, one: Effect, effects: Sequence[Effect]) -> bool:
     v *= np.array([0.0, 1e-3, 0.1, 1.0, 10.0, 100.0])[:, None]
     motions = [*map(Motion, q, v), Motion(q, v)]
     try:
-        for motion in motions:
-            for got, wanted in zip(
-                _acted(robot, [one], motion), _acted(robot, effects, motion), strict=True
-            ):
-                if not np.allclose(got, wanted, rtol=1e-9, atol=1e-12):
-                    return False
+        both = [(_acted(robot, [one], m), _acted(robot, effects, m)) for m in motions]
+        return all(np.allclose(got, wanted, rtol=1e-9, atol=1e-12) for got, wanted in both)
     except Exception:  # whatever a user's code says of numbers that it does not expect
         return False
-    return True
 
 
 def add_torques(
@@ -206,9 +191,7 @@ def add_torques(
 ) -> None:
     """Add what an effect exerts to totals.
 
-    Args:
-        robot, effect, motion: what its hooks are asked.
-        totals: smooth torque and level of dry friction (..., nv), torque on the rotors (..., m).
+    They are smooth torque and level of dry friction (..., nv), and torque on the rotors (..., m).
     """
     hooks = effect.joint_torque, effect.joint_friction, effect.rotor_torque
     for total, hook in zip(totals, hooks, strict=True):
@@ -217,7 +200,7 @@ def add_torques(
             total += found
 
 
-def _acted(robot: Robot, effects: Sequence[Effect], motion: Motion) -> list[FloatArray]:
+def _acted(robot: Robot, effects: Sequence[Effect], motion: Motion) -> FloatArray:
     """Return what effects do with a motion, by all hooks that a step or a tick calls."""
     samples = motion.velocity.shape[:-1]
     gears = robot.transmission
@@ -230,7 +213,8 @@ def _acted(robot: Robot, effects: Sequence[Effect], motion: Motion) -> list[Floa
         shown, seen = effect.measured(robot, shown), effect.true(robot, seen)
     for effect in reversed(effects):
         command = effect.drive_inverse(robot, motion, command)
-    return [smooth, dry, added, torque, command, shown.position, seen.position]
+    found = smooth, dry, added, torque, command, shown.position, seen.position
+    return np.concatenate(found, axis=-1)
 
 
 _viscous = compiled(Number, Number, Number)(friction.viscous)
@@ -245,14 +229,10 @@ near_rest: Any = compiled(Number, Number, Number, Number)(stribeck)
 def fill_joint_torques(
     joints: Table, numbers: Dense, position: Row, velocity: Row, smooth: OutRow, dry: OutRow
 ) -> None:
-    """Write what the effects at joints do: smooth torque, and level >= 0 of dry friction.
+    """Write what effects at joints do: smooth torque, and level >= 0 of dry friction, (nv,) [N m].
 
-    The friction torque is -dry sgn(v), anything between at v = 0.
-
-    Args:
-        joints, numbers: of the `EffectTable`.
-        position, velocity: q (nq,) and v (nv,).
-        smooth, dry: (nv,) [N m], to write.
+    The friction torque is -dry sgn(v), anything between at v = 0. `joints` and `numbers` are of the
+    `EffectTable`, q (nq,) and v (nv,) of the robot.
     """
     smooth[:] = 0.0
     dry[:] = 0.0
@@ -301,13 +281,9 @@ def fill_efficiencies(
     now_forward: OutRow,
     now_backward: OutRow,
 ) -> None:
-    """Write eta_f and eta_b (m,) at the present speeds of the gears' outputs.
+    """Write eta_f and eta_b (m,) at the speeds psi_dot (m,) [rad/s] of the gears' outputs.
 
-    Args:
-        gears: of the `EffectTable`.
-        turning: psi_dot (m,) [rad/s] of the outputs.
-        forward, backward: eta_f and eta_b (m,) of the transmission.
-        now_forward, now_backward: (m,), to write.
+    `gears` are of the `EffectTable`, `forward` and `backward` of the transmission.
     """
     for i in range(len(gears)):
         share = near_rest(turning[i], gears[i, COEFFICIENT], gears[i, SPEED])
