@@ -58,10 +58,11 @@ def bodies_at(joints: Table, shapes: Dense, poses: Dense, about: Row, bodies: Ou
         product(pose, shape[19:], part)
         square = dot(place, place)
         for a in range(3):
-            body[1 + a] = mass * place[a]
+            x, y, z = part[3 * a], part[3 * a + 1], part[3 * a + 2]
+            moment = body[1 + a] = mass * place[a]
             for b in range(a, 3):
-                body[at] = dot(part[3 * a : 3 * a + 3], pose[3 * b :]) - mass * place[a] * place[b]
-                body[at] += mass * square if a == b else 0.0
+                turned = x * pose[3 * b] + y * pose[3 * b + 1] + z * pose[3 * b + 2]
+                body[at] = turned - moment * place[b] + (mass * square if a == b else 0.0)
                 at += 1
 
 
