@@ -1,6 +1,7 @@
 """Suspicions on recorded and simulated logs: none where the columns are right, named where not."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +75,22 @@ def test_wrong_torque_constants_are_no_wrong_side(leg: tuple[Log, ...], factor: 
     weak = [mended(log, {"columns": {n: {"scale": factor} for n in _ROTORS}}) for log in leg]
     said = suspicions(LEG, weak)
     assert all("times what the links need" in text and "side" not in text for text in said)
+
+
+def test_torque_sensors_that_report_alone_are_judged(leg: Logs) -> None:
+    """Of a recorded arm nothing but its sensors is known: with other signs it was 27 times off."""
+    behind, sensed = [f"{joint}.joint_torque" for joint in ("hip", "knee")], []
+    for log in leg:
+        columns = {name: values for name, values in log.columns.items() if name not in _ROTORS}
+        pairs = zip(_ROTORS, LEG.transmission.gear_ratio, strict=True)
+        torques = zip(behind, (ratio * log.column(name) for name, ratio in pairs), strict=True)
+        sensed.append(replace(log, columns=columns | dict(torques)))
+    robot = replace(LEG, sensor_only=("hip", "knee"))
+    assert suspicions(robot, sensed) == []
+    wrong = [mended(log, {"columns": {name: {"sign": -1} for name in behind}}) for log in sensed]
+    for own in find_suspicions(wrong, robot):
+        assert own[0].severity == "error"
+        assert f"the signs of {' and '.join(behind)} are reversed" in own[0].text
 
 
 _TORQUES = ("shoulder.motor_torque", "elbow.motor_torque")

@@ -22,7 +22,7 @@ from scipy.special import logsumexp
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.readings.kinds import Reading
-from wbc.identification.readings.log_rows import LogRows, Need
+from wbc.identification.readings.log_rows import BEHIND_GEARS, LogRows, Need
 from wbc.identification.records.record import rms
 from wbc.measurement.column_map import ColumnRule, parse_column_map
 from wbc.robot.coordinates import slides
@@ -123,7 +123,7 @@ def report(rows: LogRows, need: Need, joint: int, reported: FloatArray, samples:
     free, found = _nonnegative(np.hstack([others, change]), told - gains * needed)
     inertia = np.minimum(found[-1], _INERTIA * float(rows.inertia[joint]) / size)
     # A factor of the gear ratio changes what is measured on the rotor, not torque behind it.
-    power = 0.0 if rows.quantities[joint] == "motor_torque" else -1.0
+    power = 0.0 if rows.quantities[joint] in BEHIND_GEARS else -1.0
     asked = np.concatenate([gains, gains, _RATIOS**power / size])
     inertias = np.concatenate([inertia, rotor * gains, rotor * _RATIOS ** (power + 2.0) / size])
     left, _ = _nonnegative(others, told - asked * needed - inertias * change)

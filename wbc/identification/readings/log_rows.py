@@ -22,6 +22,9 @@ from wbc.measurement.log import Log, longest_piece, too_short
 from wbc.measurement.schema import REPORTED
 from wbc.robot import Motion, Robot
 
+BEHIND_GEARS = ("motor_torque", "joint_torque")
+"""Quantities that are torques at the output of a gear."""
+
 _ROUNDING = 1e-9  # of a torque, below which one is nothing
 _ROWS = 400  # kept per log: more samples of one motion say no more about a gross mistake
 _MOTION_SHARE = 0.999  # of the power of the positions lies below half of the cut-off
@@ -163,13 +166,23 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     whole, log = log, longest_piece(log)
     own = robot if log.machine is None else log.machine.of(robot)
     joints, resting = own.transmission.joints, resting_joints(log)
-    quantities = torque_sources(log, own.transmission)
-    lacking = too_short(log) or not joints or without_position(own, log)
-    if lacking or not {*quantities} <= {*REPORTED} or resting >= {*own.single_joints}:
-        return None
     # Behind gears that drive several joints nothing says whose need a sensor measures.
     serial = np.array_equal(own.transmission.topology, np.eye(len(joints)))
     sensors = [joint for joint in joints if serial and log.has(f"{joint}.joint_torque")]
+    pairs = zip(joints, torque_sources(log, own.transmission), strict=True)
+    quantities = [name or "joint_torque" * (joint in sensors) for joint, name in pairs]
+    # Where a sensor alone tells a torque, it is the report of a perfect gear.
+    alone = [joint for joint, n in zip(joints, quantities, strict=True) if n == "joint_torque"]
+    own = replace(own, sensor_only=())
+    log = log.with_columns({f"{j}.motor_torque": log.column(f"{j}.joint_torque") for j in alone})
+    lacking = too_short(log) or not joints or without_position(own, log)
+    if (
+        lacking
+        or not {*quantities} <= {*REPORTED, "joint_torque"}
+        or resting >= {*own.single_joints}
+    ):
+        return None
+    sensors = [joint for joint in sensors if joint not in alone]
     try:
         told = read_channels(own.with_torque_sensors(sensors), log)
     except (LogError, IdentificationError):
@@ -240,7 +253,7 @@ def _behind_unknown_gears(rows: LogRows) -> LogRows:
     """
     gears = rows.robot.transmission
     unknown = (np.abs(gears.gear_ratio) == 1.0) & (gears.reflected_inertia == 0.0)
-    unknown &= np.array([quantity != "motor_torque" for quantity in rows.quantities])
+    unknown &= np.array([quantity not in BEHIND_GEARS for quantity in rows.quantities])
     if not unknown.any():
         return rows
     need, told = (np.std(values, axis=0) for values in (rows.as_is.links, rows.torque))
