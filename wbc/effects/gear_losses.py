@@ -16,6 +16,9 @@ from wbc.transmission import Flanks, wedge_backward_efficiency
 
 # Gears lose from one per cent to half of the power, and some are self-locking, hardly beyond.
 _FORWARD, _BACKWARD = Usual(1.0, 1.0, 0.5, factor=True), Usual(1.0, 1.0, 0.7)
+# Load friction c is the efficiency 1 - c. At joints that carry next to no load it is told from no
+# other friction, and all of them grow together without end.
+_LOAD = Usual(0.0, 0.0, _FORWARD.spread)
 _WEDGE = 0.02  # efficiencies this close to the wedge's relation are taken for it
 
 
@@ -114,7 +117,7 @@ class LoadFriction(JointEffect):
         coefficient: c, between 0 and 1.
     """
 
-    coefficient: float = field(metadata=number("1", 0.0, 0.0, 0.95, 0.1))
+    coefficient: float = field(metadata=number("1", 0.0, 0.0, 0.95, 0.1, usual=_LOAD))
 
     explanation = (
         "Bearings and teeth pressed by the load rub in proportion to it: the loss grows with "
