@@ -173,6 +173,7 @@ MISTAKES = [
     ("acceleration_limit must be > 0", lambda: CenterOfMassTask(acceleration_limit=0.0)),
     *[("level", lambda level=level: CenterOfMassTask(level=level)) for level in (-1, 0.5, True)],
     ("height", lambda: CapturePointTask(height=0.0)),
+    ("daqp", lambda: Controller(LEG, [POSTURE], settings=ControllerSettings(solver="quadprogg"))),
     ("full_speed", lambda: SpeedBlend(full_speed=0.0)),
     ("rest_margin", lambda: ControllerSettings(rest_margin=0.6)),
     ("time_step", lambda: ControllerSettings(time_step=0.0)),

@@ -119,12 +119,14 @@ def check_ranges(log: Log, robot: Robot | None = None) -> Iterator[LogFinding]:
     for joint in log.with_quantity("position"):
         name = f"{joint}.position"
         low, high = float(log.column(name).min()), float(log.column(name).max())
-        bounded, lower, upper, spare = False, -np.inf, np.inf, 0.0
+        lower, upper = -np.inf, np.inf
         if robot is not None and joint in robot.single_joints:
             row = robot.position_index(joint)
             limits = robot.model.lowerPositionLimit[row], robot.model.upperPositionLimit[row]
-            if bounded := bool(-1e6 < limits[0] < limits[1] < 1e6):
-                (lower, upper), spare = map(float, limits), 0.05 * float(limits[1] - limits[0])
+            if limits[0] < limits[1] and abs(limits[1]) < 1e6:
+                lower, upper = map(float, limits)
+        bounded = np.isfinite(upper - lower)
+        spare = 0.05 * (upper - lower) if bounded else 0.0
         lowest, highest = lower - spare, upper + spare
         seen, mend = f"it runs from {low:.4g} to {high:.4g}", in_degrees(log, [joint])
         if low < lowest or high > highest:
