@@ -173,8 +173,10 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     quantities = [name or "joint_torque" * (joint in sensors) for joint, name in pairs]
     # Where a sensor alone tells a torque, it is the report of a perfect gear.
     alone = [joint for joint, n in zip(joints, quantities, strict=True) if n == "joint_torque"]
-    own = replace(own, sensor_only=())
-    log = log.with_columns({f"{j}.motor_torque": log.column(f"{j}.joint_torque") for j in alone})
+    if alone:
+        own = replace(own, sensor_only=())
+        reports = {f"{joint}.motor_torque": log.column(f"{joint}.joint_torque") for joint in alone}
+        log = log.with_columns(reports)
     lacking = too_short(log) or not joints or without_position(own, log)
     if (
         lacking
