@@ -7,6 +7,7 @@ import pytest
 from wbc.effects import load_robot
 from wbc.identification.readings import check_log, check_logs
 from wbc.measurement import Log, LogSource, align_velocity, mended
+from wbc.measurement.column_mistakes import motion_findings
 from wbc.measurement.filters import fit_velocity
 
 Change = Callable[[Log], Log]
@@ -111,6 +112,29 @@ def test_rest_held_poses_and_fine_steps_are_not_wrong(swing: Log) -> None:
     quality = check_log(with_("hip.position", lambda q: np.round(q / step) * step)(swing))
     assert quality.resolution["hip.position"] == pytest.approx(step, rel=1e-3)
     assert quality.resolution["knee.position"] == 0.0
+
+
+UNITS = {"rad": 1.0, "deg": 180.0 / np.pi, "turn": 0.5 / np.pi}
+SPEEDS = {"rad/s": 1.0, "deg/s": 180.0 / np.pi, "turn/s": 0.5 / np.pi, "rpm": 30.0 / np.pi}
+
+
+@pytest.mark.parametrize("velocity", SPEEDS)
+@pytest.mark.parametrize("position", UNITS)
+def test_units_of_position_and_velocity_are_judged_as_a_pair(
+    position: str, velocity: str, swing: Log
+) -> None:
+    """Degrees beside rpm are 1.05 of radians beside turns per second."""
+    held = {"position": UNITS[position], "velocity": SPEEDS[velocity]}
+    factors = {n: held.get(n.rpartition(".")[2], 1.0) for n in swing.names}
+    log = replace(swing, columns={n: factors[n] * v for n, v in swing.columns.items()})
+    found = motion_findings([log], {})[0]
+    assert bool(found) != (velocity == f"{position}/s")
+    for one in found:
+        log = mended(log, one.mend)
+    for joint in ("hip", "knee") if found else ():
+        for quantity in held:
+            name = f"{joint}.{quantity}"
+            np.testing.assert_allclose(log.column(name), swing.column(name), atol=1e-9)
 
 
 @pytest.mark.parametrize(

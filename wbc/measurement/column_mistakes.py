@@ -33,25 +33,34 @@ EVERYWHERE = log(0.02)
 _COUNTS = 100.0  # rad: sixteen turns in whole numbers, which no joint of an arm or leg makes
 COUNTS_OF_A_TURN = {1 << bits: float(f"{2.0 * pi / (1 << bits):.10g}") for bits in ENCODER_BITS}
 """Counts of an encoder in a turn -> what one of them is worth [rad]."""
-_THOUSANDTHS = "position", {"scale": 0.001}
-_ROTOR_IN_RPM = {"side": "rotor", "unit": "rpm"}
 CLOCKS = ("ms", "us", "ns")
 """Units that time stamps may have instead of seconds."""
 
 
-_OF_MOTION: tuple[tuple[str, str, str, Mapping[str, Any]], ...] = (
-    ("degrees", "the position is in degrees", "position", {"unit": "deg"}),
-    ("degrees", "the velocity is in deg/s", "velocity", {"unit": "deg/s"}),
-    ("velocity_unit", "the velocity is in rpm", "velocity", {"unit": "rpm"}),
-    ("velocity_unit", "the velocity is in turns/s", "velocity", {"unit": "turn/s"}),
-    ("degrees", "the position is in turns", "position", {"unit": "turn"}),
-    ("velocity_unit", "the position is in thousandths of the velocity's unit", *_THOUSANDTHS),
-    ("velocity_sign", "position and velocity have opposite signs", "velocity", {"sign": -1}),
-    ("gear_side", "the velocity is that of the rotor", "velocity", {"side": "rotor"}),
-    ("gear_side", "the position is that of the rotor", "position", {"side": "rotor"}),
-    ("gear_side", "the velocity is that of the rotor, in rpm", "velocity", _ROTOR_IN_RPM),
+_DEGREES, _TURNS = {"unit": "deg"}, {"unit": "turn"}
+_RPM, _PER_TURN, _PER_DEGREE = {"unit": "rpm"}, {"unit": "turn/s"}, {"unit": "deg/s"}
+_OF_MOTION: tuple[tuple[str, str, Mapping[str, Any], Mapping[str, Any]], ...] = (
+    ("degrees", "the position is in degrees", _DEGREES, {}),
+    ("degrees", "the velocity is in deg/s", {}, _PER_DEGREE),
+    ("velocity_unit", "the velocity is in rpm", {}, _RPM),
+    ("velocity_unit", "the velocity is in turns/s", {}, _PER_TURN),
+    ("degrees", "the position is in turns", _TURNS, {}),
+    ("degrees", "the position is in degrees, the velocity in rpm", _DEGREES, _RPM),
+    ("degrees", "the position is in degrees, the velocity in turns/s", _DEGREES, _PER_TURN),
+    ("degrees", "the position is in turns, the velocity in rpm", _TURNS, _RPM),
+    ("degrees", "the position is in turns, the velocity in deg/s", _TURNS, _PER_DEGREE),
+    (
+        "velocity_unit",
+        "the position is in thousandths of the velocity's unit",
+        {"scale": 0.001},
+        {},
+    ),
+    ("velocity_sign", "position and velocity have opposite signs", {}, {"sign": -1}),
+    ("gear_side", "the velocity is that of the rotor", {}, {"side": "rotor"}),
+    ("gear_side", "the position is that of the rotor", {"side": "rotor"}, {}),
+    ("gear_side", "the velocity is that of the rotor, in rpm", {}, {"side": "rotor", **_RPM}),
 )
-"""What velocity beside position of a joint shows: kind, clause, quantity and entry of a map."""
+"""What velocity beside position of a joint shows: kind, clause, and what a map says of each."""
 
 
 def of_motion(joint: str, ratio: float, counted: bool) -> Iterator[tuple[str, str, Mend]]:
@@ -62,10 +71,11 @@ def of_motion(joint: str, ratio: float, counted: bool) -> Iterator[tuple[str, st
         ratio: N of its gear, 1 where none is known.
         counted: whether its position holds encoder counts.
     """
-    for kind, text, quantity, entry in _OF_MOTION:
-        own = {**entry, "gear_ratio": ratio} if kind == "gear_side" else entry
-        if kind != "gear_side" or (abs(ratio) != 1.0 and np.isfinite(ratio)):
-            yield kind, text, {"columns": {f"{joint}.{quantity}": own}}
+    for kind, text, *entries in _OF_MOTION:
+        side = {"gear_ratio": ratio} if kind == "gear_side" else {}
+        if not side or (abs(ratio) != 1.0 and np.isfinite(ratio)):
+            both = zip((f"{joint}.position", f"{joint}.velocity"), entries, strict=True)
+            yield kind, text, {"columns": {name: {**own, **side} for name, own in both if own}}
     for turn, worth in COUNTS_OF_A_TURN.items() if counted else ():
         mend = {"columns": {f"{joint}.position": {"scale": worth}}}
         yield "counts", f"the position counts {turn} a turn", mend
