@@ -95,7 +95,7 @@ class Discovery:
     Attributes:
         outcome: `formula` (they explain it), `partial` (they remove a part; memory or a quantity
             outside the library is left) or `none` (no formula found).
-        proposals: one per joint with a formula.
+        proposals: one per joint with a formula, in the order of the joints.
         known: named effects that stay beside the formulas, refitted.
         dropped: named effects that no longer pay with the formulas, as (name, place).
         error: held-out error without formulas, with them, and the noise floor.
@@ -430,12 +430,13 @@ def _discovered(problem: EstimationProblem, progress: Report, known: Sequence[Ef
     outcome: Outcome = "none" if not found.proposals else "partial" if much else "formula"
     kept = {effect.key for effect in end.known}
     numbers = _estimates(problem, end.fit)
+    formulas = {e.where: e for e in end.fit.effects if isinstance(e, CustomTorque)}
     return Discovery(
         outcome=outcome,
         proposals=tuple(
-            _with_numbers(found.proposals[effect.where], effect, numbers[effect.key])
-            for effect in end.fit.effects
-            if isinstance(effect, CustomTorque)
+            _with_numbers(found.proposals[joint], formulas[joint], numbers[formulas[joint].key])
+            for joint in problem.robot.transmission.joints
+            if joint in formulas
         ),
         known=end.known,
         dropped=tuple(e.key for e in known if e.key not in kept),

@@ -10,7 +10,6 @@ from scipy.signal import lfilter
 from wbc.effects import Backlash, CoulombFriction
 from wbc.identification.choice.certainty import Support, odds_of
 from wbc.identification.choice.evidence import Hypothesis, left_to_gain, log_densities, weigh
-from wbc.identification.choice.proposals import Move, Proposer
 from wbc.identification.choice.search import Search
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.robot import Effect
@@ -52,12 +51,9 @@ def test_what_is_unlikely_at_one_joint_does_not_hide_it_at_others() -> None:
             rounds.append(offers)
             return [found] if len(rounds) == 1 else []
 
-        trials = SimpleNamespace(
-            problem=PROBLEM, rivals_of=rivals_of, best_of=lambda group: group[0]
-        )
-        search = Search(Proposer(trials, ()))  # type: ignore[arg-type]
-        move = Move(found.effects, (), 0.0, 0.0, shaped=False)
-        assert search._first(known, [move]) is None
+        trials = SimpleNamespace(rivals_of=rivals_of, best_of=lambda group: group[0])
+        proposer = SimpleNamespace(trials=trials, beside=lambda *_: [])
+        assert Search(proposer)._addition(known) is None  # type: ignore[arg-type]
         return rounds[1]
 
     assert tried_beside(longer) == [(PLAY, FRICTION, ankle)]

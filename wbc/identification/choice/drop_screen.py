@@ -6,10 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from wbc.arrays import FloatArray
-from wbc.identification.choice.candidate_columns import Regressor
 from wbc.identification.choice.evidence import Hypothesis, asked, fold_means, log_densities, without
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit, change_along, scaled
@@ -45,7 +43,7 @@ def exchanged(
     fit: Fit,
     h: Hypothesis,
     own: Sequence[Effect],
-    added: Sequence[Regressor],
+    columns: FloatArray,
     effects: Sequence[Effect],
 ) -> tuple[float, float]:
     """Return what causes in the place of others gain of the log density and of the prior [nats].
@@ -57,38 +55,26 @@ def exchanged(
         fit: of the hypothesis.
         h: the hypothesis.
         own: its causes that give way; none where others stand beside all.
-        added: the new ones.
+        columns: (rows, judged outputs, r) by which each number of the new ones changes residuals.
         effects: what the hypothesis then holds.
     """
-    whitened = [regressor.columns.whitened(problem.whitening) for regressor in added]
-    columns = -np.concatenate(whitened, axis=2)
     felt = np.flatnonzero(columns.any(axis=(0, 2)))
     columns, weight = columns[:, felt], 1.0 / fit.usual.noise[felt]
     gram, moment = fit.known, fit.moment
     weighted = (columns * weight[:, None]).reshape(-1, columns.shape[2])
     beside = fit.jacobian[:, felt].reshape(len(weighted), moment.size).T @ weighted
     among = columns.reshape(len(weighted), -1).T @ weighted
-    usual = block_diag(*(regressor.usual for regressor in added))
-    # Where nothing is drawn yet, squares count in floors: by the output that says most.
-    unit = 1.0 if fit.usual.residual.size else float(np.min(problem.row_noise(fit.residual)))
-    normal = np.block([[gram, beside], [beside.T, among + unit * usual]])
     along = fit.residual[:, felt].ravel() @ weighted
-    known, right, size = _scaled(normal, np.concatenate([moment, along]))
-    (step,) = _steps(known, right, size, [until_null(fit, own, problem.robot)])
-    old, new = step[: moment.size], step[moment.size :]
-    residual = fit.residual + change_along(fit.jacobian, old)
-    residual[:, felt] += columns @ new
+    normal = np.block([[gram, beside], [beside.T, among]]), np.concatenate([moment, along])
+    (step,) = _steps(*_scaled(*normal), [until_null(fit, own, problem.robot)])
+    residual = fit.residual + change_along(fit.jacobian, step[: moment.size])
+    residual[:, felt] += columns @ step[moment.size :]
     stays = _as_left(problem, h, fit.residual)
     # What a cause more takes away may be all that was correlated.
     samples = h.samples if own else problem.white_samples
     left = replace(_as_left(problem, h, residual), effects=tuple(effects), samples=samples)
     here, there = log_densities(problem, [stays, left]).sum(axis=1)
-    untold = 0.0
-    if usual.any():  # numbers that what is usual tells cost nothing, but for how far they are off
-        inside = np.s_[moment.size :, moment.size :]
-        covariance = np.linalg.inv(known)[inside] / np.outer(*[size[moment.size :]] * 2)
-        untold = float(np.sum(covariance * unit * usual) - 0.5 * new @ usual @ new)
-    return float(there - here), _cheaper(h, own, effects) + untold
+    return float(there - here), _cheaper(h, own, effects)
 
 
 def gains(

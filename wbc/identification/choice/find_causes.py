@@ -84,8 +84,8 @@ def find_causes(
             ends += _with_yielding_gears(direct, gears, trials.best_of(ends))
         final = trials.best_of(ends)
         if not final.swings:  # an answer says by how much what comes nearest to it is worse
-            nearest = direct.proposer.exchanges(final, hopeless=True)
-            trials.rivals_of(final, [move.offer for move in nearest[:RIVALS]])
+            nearest = direct.proposer.exchanges(final, RIVALS, hopeless=True)
+            trials.rivals_of(final, nearest[:RIVALS])
     except OutOfTime:
         stopped = _OVER
     except KeyboardInterrupt:
@@ -145,7 +145,7 @@ def _swung(
         offers = gears_beside(trials, trials.fit(current), trials.fit(known), gears)
         if current is not origin:
             # What acts at once at a link that swings is no second gear.
-            offers += [move.offer for move in direct.proposer.additions(current)[:_AT_ONCE]]
+            offers += direct.proposer.beside(current, _AT_ONCE)
         longer = direct.best(trials.all_of(offers), current)
         if longer is None or not deflects(longer.effects[-1]):
             break

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import compress, pairwise
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.choice.candidate_columns import Regressor, evidence, make_regressors
-from wbc.identification.choice.evidence import Hypothesis, Key
+from wbc.identification.choice.evidence import Key
 from wbc.identification.model.columns import SparseColumns, drawn
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
@@ -78,7 +78,6 @@ class LinearScreen:
         whitening: FloatArray,
         folds: IntArray,
         noise: float = 1.0,
-        share: FloatArray | float = 1.0,
     ) -> None:
         """Sum up the columns of all regressors.
 
@@ -89,16 +88,14 @@ class LinearScreen:
             folds: (rows,) numbers of the folds.
             noise: mean square of the fit's residual over independent samples per row, by which
                 what is usual is weighed.
-            share: (outputs,) what one floor of each output counts.
         """
-        self.robot, self.share = fit.robot, np.broadcast_to(share, fit.residual.shape[1:])
+        self.robot = fit.robot
         self.regressors = list(regressors)
         ends = np.cumsum([0, *(regressor.size for regressor in self.regressors)])
         self._slices = [list(range(*pair)) for pair in pairwise(ends.tolist())]
         self._nuisance = np.arange(ends[-1], ends[-1] + fit.jacobian.shape[-1])
         columns = [regressor.columns for regressor in self.regressors]
-        own, residual = fit.jacobian * self.share[:, None], fit.residual * self.share
-        self._sums = _fold_sums(columns, -own, residual, whitening * self.share, folds)
+        self._sums = _fold_sums(columns, -fit.jacobian, fit.residual, whitening, folds)
         # What is known of the coefficients before, as normal equations, and where a fold alone
         # knows a column.
         size = self._sums.moment.shape[1]
@@ -209,10 +206,6 @@ class LinearScreen:
         left = (self._held_energy - 2.0 * along + model) / self._sums.entries
         return np.asarray(left), whole
 
-    def shared(self, h: Hypothesis) -> float:
-        """Return the held-out mean square of a hypothesis, in the units of `error`."""
-        return float(np.mean(self.share**2 * h.outputs))
-
     def effects(self, subset: Subset) -> tuple[Effect, ...]:
         """Return the effects of a set, with the numbers that the screen gives them."""
         return tuple(effect for effect in self._built(subset.regressors) if effect is not None)
@@ -234,17 +227,7 @@ class LinearScreen:
         causes = [[k] for k in free]
         causes += [self._best_shapes(group) for group in self._by_effect(free)]
         sets = [Subset(tuple(own), self.error(own)) for own in causes if own]
-        better = [s for s in sets if s.error <= self.error(())]
-        yield from (s for s in sorted(better, key=lambda s: s.error) if self.possible(s.regressors))
-
-    def best_drawn(self) -> list[Subset]:
-        """Return the best of every effect that is drawn to what is usual."""
-        best: dict[type[Effect], Subset] = {}
-        for subset in self.best_first():
-            drawn = [self.regressors[k] for k in subset.regressors if self.regressors[k].drawn]
-            if len(subset.regressors) == len(drawn) == 1:
-                best.setdefault(drawn[0].effect, subset)
-        return list(best.values())
+        yield from (s for s in sorted(sets, key=lambda s: s.error) if self.possible(s.regressors))
 
     def pairs(self, among: int) -> Iterator[Subset]:
         """Yield the best sets of two causes, of the `among` that explain most but for chance.
@@ -416,14 +399,25 @@ def screen(
     felt = [r for r in regressors if problem.whitening[r.columns.outputs].any()]
     kept = [regressor for regressor in felt if not _drawn_twice(fit, regressor)]
     kept.sort(key=lambda regressor: offered.index(regressor.effect))
-    # The log density falls by shares of what is left at each output, as long as they are small. In
-    # floors a joint that is far from its sensors' floor decides for all: a recorded six-axis arm,
-    # off by 103 floors at its fourth joint, kept 2.9 N m at its second (11 floors), where a pair of
-    # causes leaves 1.3.
-    share = 1.0 / np.sqrt(np.maximum(np.mean(fit.residual**2, axis=0), 1.0))
-    # Of the output that says most.
+    noise = float(np.min(problem.row_noise(fit.residual)))  # of the output that says most
+    return LinearScreen(fit, kept, problem.whitening, problem.folds, noise)
+
+
+def screen_in_shares(
+    problem: EstimationProblem, fit: Fit, regressors: Sequence[Regressor], share: FloatArray
+) -> LinearScreen:
+    """Return a search in which every output counts in a unit of its own.
+
+    Args:
+        problem: the logs.
+        fit: the model that causes are added to.
+        regressors: the causes.
+        share: (judged outputs,) what one floor of each output counts.
+    """
+    scaled = replace(fit, residual=fit.residual * share, jacobian=fit.jacobian * share[:, None])
     noise = float(np.min(problem.row_noise(fit.residual) * share**2))
-    return LinearScreen(fit, kept, problem.whitening, problem.folds, noise, share)
+    whitening = problem.whitening * share
+    return LinearScreen(scaled, regressors, whitening, problem.folds, noise)
 
 
 def _drawn_twice(fit: Fit, regressor: Regressor) -> bool:

@@ -13,15 +13,20 @@ from wbc.identification.choice.drop_screen import losses
 from wbc.identification.choice.evidence import (
     LEAST_ASKED,
     Hypothesis,
+    Key,
     left_to_gain,
     weigh,
     without,
 )
 from wbc.identification.choice.plain_models import plain_fits
-from wbc.identification.choice.proposals import MISSED, SAME, Move, Proposer
+from wbc.identification.choice.proposals import MISSED, Proposer
 
+_ADDED = 6  # offers that are fitted for one addition
+_PAIRS = 6  # ... of two causes
+_SWAPPED = 5  # ... that are looked at in the place of one cause
 _MOST_MOVES = 60
-_COMPARED = 6  # moves of one kind that are fitted although one of them has won
+_MASKS = 2  # times that what explains most and is not believed is put aside
+_MASKING = 0.8  # of the error, below which a cause that is not believed may hide others
 
 
 def _drops(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
@@ -84,8 +89,7 @@ class Search:
         """Return the hypothesis beside which no cause more, and no pair, adds to the evidence."""
         current = start
         for _ in range(_MOST_MOVES):
-            better = self._first(current, self.proposer.additions(current))
-            better = better or self._first(current, self.proposer.pairs(current))
+            better = self._addition(current) or self._pair(current)
             if better is None:
                 break
             self._tell(current, better)
@@ -106,10 +110,9 @@ class Search:
             if shorter := self.best([fewer], current):
                 return shorter
         room = left_to_gain(trials.problem, current) > LEAST_ASKED
-        more = None
         if room:
             self.report(f"trying one effect more ({best})")
-            more = self._first(current, proposer.additions(current))
+        more = self._addition(current) if room else None
         if not current.effects:
             # What the joints of machines usually have, all at once: found one by one they take a
             # move each, and at every move what is still missing is imitated.
@@ -120,41 +123,45 @@ class Search:
             return more
         if current.effects:
             self.report(f"trying others in the place of what was found ({best})")
-            # What is not told apart is an alternative. It led to and fro between two frictions.
-            if other := self._first(current, proposer.exchanges(current), TIED):
-                return other
+            for offer in proposer.exchanges(current, _SWAPPED):
+                exchanged = self.best(trials.rivals_of(current, [offer]), current)
+                # What is not told apart is an alternative. It led to and fro between two frictions.
+                if exchanged and np.ptp(weigh(trials.problem, [current, exchanged])) > TIED:
+                    return exchanged
+        self.report(f"trying two effects more ({best})")
+        return self._pair(current)
+
+    def _pair(self, current: Hypothesis) -> Hypothesis | None:
+        """Return the best pair of causes of those that add to the evidence by themselves.
+
+        They may hide one another. Each is weighed alone against the current hypothesis first: one
+        that explains another joint must not say how many samples are independent at this one.
+        """
         if current.swings:
             return None
-        self.report(f"trying two effects more ({best})")
-        return self._first(current, proposer.pairs(current))
+        offers = self.proposer.pairs_beside(current, _PAIRS)
+        pairs = [self.best([h], current) for h in self.proposer.trials.rivals_of(current, offers)]
+        return self.best([h for h in pairs if h is not None], current)
 
-    def _first(
-        self, current: Hypothesis, moves: Iterable[Move], ahead: float = 0.0
-    ) -> Hypothesis | None:
-        """Return the end of a move that gains more evidence than the moves after it promise.
+    def _addition(self, current: Hypothesis) -> Hypothesis | None:
+        """Return the best hypothesis with a cause more, at one place or in all gears.
 
-        Each is weighed alone: one that explains another joint must not say how many samples are
-        independent at this one. Of causes of which some are not believed the others are tried.
-
-        Args:
-            current: the hypothesis.
-            moves: the most promising first.
-            ahead: by how much more [nats].
+        What explains much by impossible numbers hides what explains less: it is put aside. What no
+        machine is likely to have at one joint must not hide what is there at others, either.
         """
-        trials, best, most = self.proposer.trials, None, ahead
-        for count, move in enumerate(moves):
-            if best is not None and (move.gain < most or count >= _COMPARED):
-                break
-            tried = trials.rivals_of(current, [move.offer])
-            likely = [h.likely for h in tried if len(current.effects) < len(h.likely)]
-            tried += trials.rivals_of(current, [o for o in likely if len(o) < len(move.offer)])
-            better = self.best(tried, current)
-            first, *others = weigh(trials.problem, [current, *tried])
-            gain = float(max(others, default=-np.inf) - first)
-            self.proposer.learn(move, gain)
-            if better and gain > most + SAME:
-                best, most = better, gain
-        return best
+        trials, exclude = self.proposer.trials, list[Key]()
+        for _ in range(_MASKS + 1):
+            longer = trials.rivals_of(current, self.proposer.beside(current, _ADDED, exclude))
+            several = [h for h in longer if not h.believable]
+            likely = [h.likely for h in several if len(h.likely) > len(current.effects)]
+            longer += trials.rivals_of(current, likely)
+            if better := self.best(longer, current):
+                return better
+            masks = [h for h in longer if h.error < _MASKING * current.error]
+            if not masks:
+                return None
+            exclude += [key for h in masks for key in h.keys if key not in current.keys]
+        return None
 
     def _tell(self, before: Hypothesis, after: Hypothesis) -> None:
         added = [
