@@ -12,7 +12,13 @@ from tests.moved import moved
 from tests.outside import RECORDED, foreign, outside, recorded
 from wbc.dynamics import link_torque
 from wbc.effects import CoulombFriction, load_robot
-from wbc.identification.readings import SuspiciousLogError, find_suspicions, suspicions
+from wbc.identification.readings import (
+    SuspiciousLogError,
+    evidence,
+    find_suspicions,
+    mistakes,
+    suspicions,
+)
 from wbc.identification.readings.evidence import Judged, Report
 from wbc.identification.readings.kinds import Reading
 from wbc.identification.readings.mistakes import told_by_rows
@@ -368,3 +374,22 @@ def test_an_exchange_that_explains_less_accuses_nobody(left: float, *, closer: b
     read = Reading("exchanged", "they are exchanged", exchanged=(0, 1))
     other = Judged(read, ((report(left), report(left)),), (0.5 * strays,))
     assert other.closer(as_is, (0,)) is closer
+
+
+@pytest.mark.parametrize(("better", "accused"), [(0.4, False), (4.0, True)])
+def test_gains_of_twelve_drives_that_nothing_is_wrong_with_accuse_no_gear(
+    better: float, accused: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Free gains cost 30 nats: a quadruped with one weak drive was refused, its gears 1.16 times as
+    high, although that explained .4 nats more of each log of that leg and nothing of the others."""
+    gains = -0.5 * (np.log(evidence.GAINS) / 0.05) ** 2
+    flat = np.zeros(101)
+    one = Report(gains, flat, np.zeros((1, 5)), np.ones(1), 0.001, -1e3, 40.0, 1.0)
+    strange = one._replace(ratios=flat + better * (np.arange(101) == 53))
+    legs = tuple(one for _ in range(11)), tuple(strange for _ in range(11))
+    reports = tuple((strange, *(legs[accused])) for _ in range(2))
+    as_is = Judged(Reading(), reports, ())
+    rare = Judged(Reading("torque_sign", "it is reversed", prior=-200.0), reports, ())
+    monkeypatch.setattr(Judged, "closer", lambda *_: True)
+    found = mistakes._likeliest(load_robot("solo12"), [as_is, rare])
+    assert (found is not None and found[0].kind == "gear_ratio") is accused

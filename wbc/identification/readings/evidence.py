@@ -145,17 +145,19 @@ def report(rows: LogRows, need: Need, joint: int, reported: FloatArray, samples:
     return Report(likely, told, own, target, likeliest, idle, count, size, heavy)
 
 
-def ratio_evidence(reports: Sequence[Sequence[Report]]) -> tuple[float, float]:
-    """Return (log evidence of one factor on all gear ratios, the likeliest factor).
+def ratio_evidence(reports: Sequence[Sequence[Report]]) -> tuple[float, float, float]:
+    """Return (log evidence of one factor on all gear ratios, of none, the likeliest factor).
 
     The gear ratio shows twice: in what is measured on the rotor, and in the rotor's reflected
-    inertia. A torque constant, a payload or a rotor that is wrong shows once.
+    inertia. A torque constant, a payload or a rotor that is wrong shows once. No gain is free here,
+    with a factor or without one: free gains of twelve joints cost more than a factor does.
 
     Args:
         reports: per log, of all joints.
     """
     total = np.sum([one.ratios for log in reports for one in log], axis=0)
-    return float(_log_sum(_RATIO_PRIOR + total)), float(_RATIOS[int(np.argmax(total))])
+    none = float(np.interp(0.0, np.log(_RATIOS), total))
+    return float(_log_sum(_RATIO_PRIOR + total)), none, float(_RATIOS[int(np.argmax(total))])
 
 
 def log_evidence(logs: Sequence[Sequence[Report]]) -> float:

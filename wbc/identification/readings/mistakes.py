@@ -255,11 +255,11 @@ def _likeliest(robot: Robot, judged: Sequence[Judged]) -> tuple[LogFinding, tupl
         for score, one, logs in scores
         if logs == every  # no robot is another one in a single log
     ]
-    other, factor = evidence.ratio_evidence(as_is.reports)
-    other += _OTHER_RATIO
+    other, none, factor = evidence.ratio_evidence(as_is.reports)
     known = bool(np.all(robot.transmission.reflected_inertia > 0.0))
+    other += _OTHER_RATIO
     whole = logsumexp([columns, stands, *rivals, other if known else -np.inf])
-    doubt = float(np.exp(other - whole))
+    doubt = float(np.exp(other - np.logaddexp(whole, none + as_is.reading.prior)))
     if known and doubt >= LIKELY and abs(np.log(factor)) >= _SAME_RATIO:
         return _another_ratio(robot, doubt, factor), every
     doubt = float(np.exp(columns - whole))
