@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import final
 
 import numpy as np
@@ -290,6 +290,7 @@ class RotorViscousFriction(RotorFriction):
         "Grease is sheared on the motor's side of the gear: a torque grows with the speed of the "
         "motor, and does not load the gear."
     )
+    search = replace(RotorFriction.search, otherwise=ViscousFriction)
 
 
 @final
@@ -308,3 +309,4 @@ class RotorCoulombFriction(RotorFriction):
         "Seals and bearings rub on the motor's side of the gear: the torque changes sign with the "
         "speed of the motor, and does not load the gear."
     )
+    search = replace(RotorFriction.search, otherwise=CoulombFriction)

@@ -302,6 +302,7 @@ class SearchOffer:
             moves otherwise, or where its null lies beyond all that logs hold, as no limit does.
         inseparable: name of another effect -> from where on no run of a robot tells the two apart,
             and what does instead, in words.
+        otherwise: the effect that it is where a robot has no place for it.
         screens: (kind, robot, where, evidence) -> the linear ways in which it may explain a
             residual: a small step of every parameter that is no shape (`small_steps`), or one way
             per shape worth trying.
@@ -324,6 +325,7 @@ class SearchOffer:
     near_rest: bool = False
     gradual: bool = True
     inseparable: Mapping[str, str] = field(default_factory=dict)
+    otherwise: type[Effect] | None = None
     screens: Callable[[Any, Robot, str, Evidence], tuple[Screen, ...]] = small_steps
     recognisable: Callable[[Any, Robot, Sequence[Motion]], bool] = lambda effect, robot, seen: True
     implausibility: Callable[[Any, Robot, Sequence[Motion]], float] = lambda effect, robot, seen: (

@@ -30,6 +30,7 @@ from wbc.effects import (
     load_robot,
 )
 from wbc.effects.formula import CustomTorque
+from wbc.effects.friction import RotorCoulombFriction
 from wbc.effects.links import add_point_mass
 from wbc.errors import DynamicsError
 from wbc.identification import diagnose
@@ -137,6 +138,20 @@ def test_the_search_ends_at_what_is_hidden(name: str) -> None:
     assert begun is not None
     end = Search(Proposer(trials, AT_ONCE)).climb(begun)
     assert set(end.keys) == {effect.key for effect in hidden}
+
+
+def test_friction_of_a_rotor_is_that_of_its_joint_once_its_gear_loses_nothing() -> None:
+    """Two names for one torque shared its odds, and losses of 0.04 % were kept for one of them."""
+    rubs, loses = RotorCoulombFriction("hip", 0.5), TransmissionEfficiency("hip", 0.9, 0.9)
+    trials = Trials(
+        EstimationProblem.from_logs(LEG, record_with(LEG, [CoulombFriction("hip", 0.5)]))
+    )
+    both = trials.of((rubs, loses))
+    assert both is not None
+    assert ("rotor_coulomb_friction", "hip") in both.keys
+    (alone,) = trials.rivals_of(both, [(rubs,)])
+    assert alone.keys == (("coulomb_friction", "hip"),)
+    assert alone.effects[0].values["level"] == pytest.approx(0.5, rel=0.02)
 
 
 @pytest.mark.parametrize(("nats", "moved"), [(2.0, False), (4.0, True)])

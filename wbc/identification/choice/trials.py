@@ -12,7 +12,14 @@ import numpy as np
 
 from wbc.effects.drive import in_drive_order
 from wbc.errors import IdentificationError
-from wbc.identification.choice.evidence import Hypothesis, asked, fold_means, implausible, weigh
+from wbc.identification.choice.evidence import (
+    Hypothesis,
+    Key,
+    asked,
+    fold_means,
+    implausible,
+    weigh,
+)
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import ITERATIONS, Fit
 from wbc.identification.model.residual import IMPOSSIBLE
@@ -79,10 +86,31 @@ class Trials:
         Raises:
             OutOfTime: it is not known yet, and the search must end.
         """
-        start = in_drive_order(effects if near is None else near.begun(effects))
+        start = self._start(effects, near)
         if start not in self._known:
             self._known[start] = self._fitted(start, ITERATIONS, near)
         return self._known[start]
+
+    def _start(self, effects: Sequence[Effect], near: Hypothesis | None) -> tuple[Effect, ...]:
+        """Return effects with start values, in order, each by the name that it has on the robot.
+
+        Friction of a rotor whose gear loses nothing is friction of its joint: two names for one
+        torque would share its odds, and losses next to nothing were kept for the rotor's sake.
+        """
+        start = in_drive_order(effects if near is None else near.begun(effects))
+        if not any(effect.search.otherwise for effect in start):
+            return start
+        try:
+            robot = self.problem.robot.with_effects(*start)
+        except IMPOSSIBLE:
+            return start
+        named: dict[Key, Effect] = {}
+        for effect in start:
+            other = effect.search.otherwise
+            if other is not None and effect.where not in effect.places(robot):
+                effect = other.at(effect.where, effect.values)
+            named.setdefault(effect.key, effect)
+        return tuple(named.values())
 
     @property
     def hurried(self) -> bool:
@@ -144,7 +172,7 @@ class Trials:
         They begin with its numbers. A fit ends after its first step where that leaves it far behind
         the other one.
         """
-        known = (self._rival_of(h, in_drive_order(h.begun(effects))) for effects in offers)
+        known = (self._rival_of(h, self._start(effects, h)) for effects in offers)
         return [found for found in known if found is not None]
 
     def _rival_of(self, h: Hypothesis, start: tuple[Effect, ...]) -> Hypothesis | None:
