@@ -6,7 +6,7 @@ from abc import ABC
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, final
 
-from wbc.robot import Effect, Robot, Usual, number
+from wbc.robot import Effect, Robot, SearchOffer, Usual, number
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,11 @@ class ContactNumber(Effect, ABC):
         return robot.with_contacts(changed if one is contact else one for one in robot.contacts)
 
 
+# [m] by which feet and ground give way. With the usual contacts of another simulator the balls of a
+# quadruped of 13 kg were 1.1 to 1.6 mm smaller, with probabilities up to 0.98.
+_GIVES = 1e-3
+
+
 @final
 @dataclass(frozen=True)
 class ContactRadius(ContactNumber):
@@ -56,6 +61,11 @@ class ContactRadius(ContactNumber):
     experiment = (
         "Measure the foot. Or push the standing robot sideways: the error of all joints of a leg "
         "follows the force along the ground times one length."
+    )
+    search = SearchOffer(
+        tolerated=lambda own, robot, step: (
+            ((own.radius - robot.contact(own.where).radius) / _GIVES) ** 2
+        )
     )
 
 

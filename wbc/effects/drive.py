@@ -149,6 +149,12 @@ class CurrentLimit(JointEffect):
         return np.clip(torque, -limit, limit)
 
 
+# Share of a sample by which drives read torques earlier or later than positions. Three robots of
+# another simulator, held over a cycle of 1 ms, did by .25 ms: .07 and .12 of a sample. A leg of
+# these, with nothing hidden, had two delays otherwise, both certain.
+_BETWEEN = 0.1
+
+
 @final
 @dataclass(frozen=True)
 class ActuationDelay(JointEffect):
@@ -171,6 +177,7 @@ class ActuationDelay(JointEffect):
         "Shake the joint fast with a torque of two frequencies: the error grows with frequency "
         "and follows the rate of change of the torque."
     )
+    search = SearchOffer(tolerated=lambda own, robot, step: (own.delay / (_BETWEEN * step)) ** 2)
 
     def first_memory(self, robot: Robot) -> FloatArray:
         """Return the torque on its way, rows (since how long [s], torques [N m]): none."""

@@ -310,6 +310,8 @@ class SearchOffer:
             what it is: a wave of which less than one period was passed is any bend.
         implausibility: (effect, robot with it, motions of the logs) -> what its numbers cost that
             no machine is likely to have [nats].
+        tolerated: (effect, robot without it, time between samples [s]) -> square of deviations at
+            which what every machine is off by does the same; infinite where nothing does.
         departures: (effect) -> (k,) how far its numbers lie from what is usual, in standard
             deviations. A fit counts half their squares beside what the logs say [nats]. Zero where
             the effect is not there.
@@ -331,6 +333,7 @@ class SearchOffer:
     implausibility: Callable[[Any, Robot, Sequence[Motion]], float] = lambda effect, robot, seen: (
         usual_cost(effect)
     )
+    tolerated: Callable[[Any, Robot, float], float] = lambda effect, robot, step: np.inf
     departures: Callable[[Any], FloatArray] = lambda effect: _NONE
     freedom: Callable[[Any], float] = lambda effect: len(effect.parameters)
     quantities: Callable[[Any, Robot], Mapping[str, Quantity]] = lambda effect, robot: {}

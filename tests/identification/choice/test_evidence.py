@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from wbc.effects import Backlash, CoulombFriction
-from wbc.identification.choice.certainty import Support, odds_of
+from wbc.effects import ActuationDelay, Backlash, ContactRadius, CoulombFriction, load_robot
+from wbc.identification.choice.certainty import CERTAIN, EVEN, Support, odds_of
 from wbc.identification.choice.evidence import Hypothesis, left_to_gain, log_densities, weigh
 from wbc.identification.choice.search import Search
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -32,6 +32,23 @@ def hypothesis(
     folds = np.broadcast_to(np.atleast_1d(left), 5).astype(float)[:, None]
     samples, rows = np.array([0.4]), np.full(5, 100.0)
     return Hypothesis(effects, folds, folds, 0.0, folds[:, 0], samples, rows, -prior, ())
+
+
+@pytest.mark.parametrize(
+    ("small", "large"),
+    [
+        (ContactRadius("foot", 0.0015), ContactRadius("foot", 0.006)),
+        (ActuationDelay("hip", 2.5e-4), ActuationDelay("hip", 1e-3)),
+    ],
+)
+def test_what_every_machine_is_off_by_is_not_named(small: Effect, large: Effect) -> None:
+    """Balls that sink in by a millimetre, and torques that are read a tenth of a sample early."""
+    for effect, certain in ((small, False), (large, True)):
+        off = effect.search.tolerated(effect, load_robot("planar_leg"), 0.002)
+        support = Support(1.0, 1.0, 0.01, 0.0, explained=True, tolerated=off)
+        assert (support.probability >= CERTAIN) is certain
+        assert (support.probability < EVEN) is not certain
+        assert support.belief >= CERTAIN  # its torque is there all the same
 
 
 def test_what_is_unlikely_at_one_joint_does_not_hide_it_at_others() -> None:

@@ -44,11 +44,12 @@ EVEN = 0.5
 """Probability below which a cause stands for its torque only: it may be something else."""
 CERTAIN = 0.95
 """Probability from which on a cause is certain."""
-# Log odds of a drive's own time over a cause that explains nothing beyond what such a time may do:
+# Log odds of what every machine is off by over a cause that explains nothing beyond it. A drive's
+# own time does:
 # causes are believed to be as large as what a sample and the times explain, of which a drive misses
 # 5 %. On two generated arms that follow targets, viscous frictions of 0.1 to 0.2 ms times kp were
 # certain at five joints; they have 0.05 to 0.07, the true frictions still 0.9999.
-_MISTIMED = 3.0
+_TOLERATED = 3.0
 # Share (rms) of what a larger cause explains that a smaller one may only make up for. Causes of the
 # list, fitted well, leave 2 to 4.4 %, stand-ins 6 to 28 % (84 generated logs). Wind on an arm of
 # another simulator was a tilt and, at 0.999 each, two springs and a friction of a third of a floor
@@ -78,8 +79,8 @@ class Support:
             without this one where it is one of several tiny causes.
         expected: log prior odds of the effect on real machines [nats] (`Effect.search`).
         implausible: what its numbers cost that no machine is likely to have [nats].
-        untimely: square of deviations at which drives with times of their own, and noise, make what
-            the cause adds.
+        tolerated: square of deviations at which what every machine is off by makes what the cause
+            adds: drives with times of their own, noise, feet that give way.
         together: how many causes, with this one, add a torque that the position of the same joint
             tells; 0 where it does not.
     """
@@ -91,7 +92,7 @@ class Support:
     explained: bool
     expected: float = 0.0
     implausible: float = 0.0
-    untimely: float = np.inf
+    tolerated: float = np.inf
     together: int = 0
 
     @property
@@ -101,15 +102,15 @@ class Support:
         What is outside the list can be approached by what is in it, and then leaves a remainder
         at the same outputs, or asks for numbers that no machine has. One cause outside the list
         does not imitate one effect at several joints, unless it is in every joint itself. Several
-        laws of position at one joint imitate any other such law. A drive that is late by another
-        time than the others does: its target acts like viscous friction.
+        laws of position at one joint imitate any other such law. What every machine is off by does,
+        too: a drive that is late by another time than the others acts like viscous friction.
         """
-        return self.odds * self._no_stand_in * self._not_late
+        return self.odds * self._no_stand_in * self._beyond_tolerance
 
     @property
     def group_probability(self) -> float:
         """The same for the cause or one that these logs do not tell from it."""
-        return self.belief * self._not_late
+        return self.belief * self._beyond_tolerance
 
     @property
     def belief(self) -> float:
@@ -120,8 +121,8 @@ class Support:
         return self.group * self._no_stand_in
 
     @property
-    def _not_late(self) -> float:
-        return float(expit(0.5 * self.untimely - _MISTIMED))
+    def _beyond_tolerance(self) -> float:
+        return float(expit(0.5 * self.tolerated - _TOLERATED))
 
     @property
     def _no_stand_in(self) -> float:
@@ -175,10 +176,12 @@ def _supports(trials: Trials, h: Hypothesis, excess: FloatArray, explained: bool
     places = [_place_of(problem, fit, effect) for effect in h.effects]
     first = np.maximum(trials.nothing.outputs, 1e-300)
     noise = np.maximum(h.outputs, 1.0) / (len(fit.residual) * h.samples)
-    untimely = [np.inf] * len(alone)
+    step = max(log.sample_time for log in problem.logs)
+    tolerated = [e.search.tolerated(e, problem.robot, step) for e in h.effects]
     if np.isfinite(problem.robot.transmission.target_delay).any():
         changes = (left - fit.residual for left in without_each(problem, fit, alone))
-        untimely = [problem.untimely(change, noise) for change in changes]
+        late = (problem.untimely(change, noise) for change in changes)
+        tolerated = [min(pair) for pair in zip(tolerated, late, strict=True)]
     names = [effect.name for effect in h.effects]
     tiny = [not unexplained(trials.nothing.error, h, excess + gain) for gain in gained]
     several = len({name for name, is_tiny in zip(names, tiny, strict=True) if is_tiny}) > 1
@@ -197,7 +200,7 @@ def _supports(trials: Trials, h: Hypothesis, excess: FloatArray, explained: bool
             explained=explained and not small,
             expected=effect.search.expected,
             implausible=h.implausible[k],
-            untimely=untimely[k],
+            tolerated=tolerated[k],
             together=places.count(places[k]) if places[k] else 0,
         )
         result.append(support)
