@@ -24,6 +24,7 @@ from wbc.effects import (
     SupplySag,
     ThermalDrift,
     TorqueConstant,
+    TorqueOffset,
     TorqueRipple,
     TransmissionEfficiency,
     ViscousFriction,
@@ -36,7 +37,7 @@ from wbc.errors import DynamicsError
 from wbc.identification import diagnose
 from wbc.identification.choice import gears, search
 from wbc.identification.choice.candidate_columns import Regressor
-from wbc.identification.choice.certainty import BELIEVED, beliefs
+from wbc.identification.choice.certainty import BELIEVED, _supports, beliefs
 from wbc.identification.choice.drop_screen import until_null
 from wbc.identification.choice.evidence import implausible
 from wbc.identification.choice.gears import two_gears
@@ -152,6 +153,16 @@ def test_friction_of_a_rotor_is_that_of_its_joint_once_its_gear_loses_nothing() 
     (alone,) = trials.rivals_of(both, [(rubs,)])
     assert alone.keys == (("coulomb_friction", "hip"),)
     assert alone.effects[0].values["level"] == pytest.approx(0.5, rel=0.02)
+
+
+def test_a_tiny_cause_is_not_what_explains_the_logs() -> None:
+    """Beside a payload that explained a quadruped two lighter calves were 97 and 98 % sure."""
+    hidden = [CoulombFriction("hip", 0.5), TorqueOffset("knee", 0.01)]
+    trials = Trials(EstimationProblem.from_logs(LEG, record_with(LEG, hidden, duration=4.0)))
+    both = trials.of(tuple(hidden))
+    assert both is not None
+    large, tiny = _supports(trials, both, np.zeros(2), explained=True)
+    assert (large.explained, tiny.explained) == (True, False)
 
 
 @pytest.mark.parametrize(("nats", "moved"), [(2.0, False), (4.0, True)])

@@ -22,7 +22,7 @@ VERDICTS = {
         "what these logs point to is likely, but its name is not certain",
     ),
     "partial": ("part of the cause found", "some missing effects are certain, and more is missing"),
-    "unknown": ("cause not found", "something is missing that nothing certain explains"),
+    "unknown": ("cause not found", "most of what is missing has no certain explanation"),
     "none": ("nothing missing", "the model explains these logs as far as their noise allows"),
     "not_repeatable": ("runs disagree", "repeated runs disagree, so nothing can be named"),
 }
