@@ -155,14 +155,15 @@ def test_friction_of_a_rotor_is_that_of_its_joint_once_its_gear_loses_nothing() 
     assert alone.effects[0].values["level"] == pytest.approx(0.5, rel=0.02)
 
 
-def test_a_tiny_cause_is_not_what_explains_the_logs() -> None:
+def test_tiny_causes_are_not_what_explains_the_logs() -> None:
     """Beside a payload that explained a quadruped two lighter calves were 97 and 98 % sure."""
-    hidden = [CoulombFriction("hip", 0.5), TorqueOffset("knee", 0.01)]
+    hidden = [CoulombFriction("hip", 0.5), TorqueOffset("hip", 0.01), TorqueOffset("knee", 0.01)]
     trials = Trials(EstimationProblem.from_logs(LEG, record_with(LEG, hidden, duration=4.0)))
-    both = trials.of(tuple(hidden))
-    assert both is not None
-    large, tiny = _supports(trials, both, np.zeros(2), explained=True)
-    assert (large.explained, tiny.explained) == (True, False)
+    for causes, explained in ((hidden, [True, False, False]), (hidden[:2], [True, True])):
+        found = trials.of(causes)
+        assert found is not None
+        each = _supports(trials, found, np.zeros(2), explained=True)
+        assert [support.explained for support in each] == explained
 
 
 @pytest.mark.parametrize(("nats", "moved"), [(2.0, False), (4.0, True)])

@@ -76,7 +76,7 @@ class Support:
             that it explains.
         coverage: (k - 1) k / n where the same effect was found at k of n joints that are judged.
         explained: whether too little is left altogether to ask for one cause more, and enough
-            without this one.
+            without this one where it is one of several tiny causes.
         expected: log prior odds of the effect on real machines [nats] (`Effect.search`).
         implausible: what its numbers cost that no machine is likely to have [nats].
         tolerated: square of deviations at which what every machine is off by makes what the cause
@@ -197,7 +197,7 @@ def _supports(trials: Trials, h: Hypothesis, excess: FloatArray, explained: bool
             group=1.0,
             remainder=_remainder(gain / first, left / first),
             coverage=(alike - 1) * alike / len(problem.judged_joints),
-            explained=explained and not tiny[k],
+            explained=explained and not (tiny[k] and sum(tiny) > 1),
             expected=effect.search.expected,
             implausible=h.implausible[k],
             tolerated=tolerated[k],
