@@ -6,9 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
+import numpy as np
+
 from wbc.effects.gear_losses import YieldingGear
 from wbc.identification.choice.certainty import UNEXPLAINED_SHARE
-from wbc.identification.choice.evidence import Hypothesis
+from wbc.identification.choice.evidence import Hypothesis, weigh
 from wbc.identification.choice.gears import gears_beside, two_gears
 from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.proposals import Proposer
@@ -115,7 +117,11 @@ def _with_yielding_gears(
             break
         swung = _swung(direct, gears, origin, rough, best)
         if swung is not origin:
-            ends.append(direct.climb(swung))
+            # A gear that is not believed beside all that is known only imitates that.
+            others = [e for e in known.effects if e.key not in swung.keys]
+            whole = (trials.of((*swung.effects, *others)) if others else None) or swung
+            gains = np.diff(weigh(trials.problem, [swung, whole]))[0] > 0.0
+            ends += [direct.climb(swung)] if whole.believable or not gains else []
     shaken = not weak and known.error > _SHAKEN * first.error
     if shaken and min(h.error for h in (known, *ends)) > rough:
         # A loose gear found alone holds in its numbers what another one does.
