@@ -44,11 +44,10 @@ EVEN = 0.5
 """Probability below which a cause stands for its torque only: it may be something else."""
 CERTAIN = 0.95
 """Probability from which on a cause is certain."""
-# Log odds of what every machine is off by over a cause that explains nothing beyond it. A drive's
-# own time does:
-# causes are believed to be as large as what a sample and the times explain, of which a drive misses
-# 5 %. On two generated arms that follow targets, viscous frictions of 0.1 to 0.2 ms times kp were
-# certain at five joints; they have 0.05 to 0.07, the true frictions still 0.9999.
+# Log odds of what every machine is off by over a cause that explains nothing beyond it. Of drives
+# that is what a sample and their times explain, of which a drive misses 5 %: on two generated arms
+# that follow targets, viscous frictions of 0.1 to 0.2 ms times kp were certain at five joints; they
+# have 0.05 to 0.07, the true frictions still 0.9999.
 _TOLERATED = 3.0
 # Share (rms) of what a larger cause explains that a smaller one may only make up for. Causes of the
 # list, fitted well, leave 2 to 4.4 %, stand-ins 6 to 28 % (84 generated logs). Wind on an arm of
@@ -114,7 +113,7 @@ class Support:
 
     @property
     def belief(self) -> float:
-        """The same for the cause or a drive that is late by a time of its own.
+        """The same for the cause or what every machine is off by.
 
         Either way its torque is there while others are judged.
         """

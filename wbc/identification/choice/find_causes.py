@@ -117,7 +117,8 @@ def _with_yielding_gears(
             break
         swung = _swung(direct, gears, origin, rough, best)
         if swung is not origin:
-            # A gear that is not believed beside all that is known only imitates that.
+            # A gear that is not believed beside all that is known only imitates that. Where nothing
+            # else is known a second fit would tell nothing new, and may end in another valley.
             others = [e for e in known.effects if e.key not in swung.keys]
             whole = (trials.of((*swung.effects, *others)) if others else None) or swung
             gains = np.diff(weigh(trials.problem, [swung, whole]))[0] > 0.0
