@@ -59,7 +59,9 @@ UNRELATED = float(np.log(0.1))  # a drive that carried nothing: a judgement, TIA
 _USUAL = np.abs(np.log(GAINS)) < 3.0 * GAIN_SPREAD  # a factor of eight
 _CAUSES = 5  # offset, speed, direction, loss under load, acceleration
 _IDLE = 0.1  # share of the need below which a report may well be that of an idle drive
-_MOST = 20.0  # times the need: friction of 113 true reports of nine recorded machines is not above
+# Times the need: friction of 113 true reports of nine recorded machines is not above it; one
+# more, of the shaft of a bare motor, has 2500 times the need.
+_MOST, _BARE = 20.0, float(np.log(0.01))
 # Share of a report's power below which it does not matter what rigid bodies and friction leave: of
 # 2114 true reports of generated robots with hidden causes 92 % leave less, half of them 0.1 %.
 _PHYSICS = 0.015
@@ -95,6 +97,9 @@ class Report(NamedTuple):
     heavy: float = 0.0
     """Log likelihood, at usual gains, of a rotor that nobody described and that may be any times
     heavier than its link; such a rotor accuses nobody and frees from being foreign."""
+    rubs: float = 0.0
+    """Log likelihood of a report that is so many times as large as what the joint needs, unless the
+    joint carries next to nothing, such as the shaft of a bare motor."""
 
 
 _SILENT = Report(np.zeros(GAINS.size), np.zeros(_RATIOS.size), np.zeros((1, _CAUSES)), np.zeros(1))
@@ -139,10 +144,10 @@ def report(rows: LogRows, need: Need, joint: int, reported: FloatArray, samples:
     own, target = reduced[:, :-2] / size, reduced[:, -1]
     idle = _EITHER_WAY + float(log_likelihood(_free_misfits([own], [target]), count)[0])
     likeliest = float(bounded[np.argmax(likely)])
-    likely = likely - 0.5 * _excess(size, need.whole[:, joint], _MOST) ** 2
+    rubs = -0.5 * _excess(size, need.whole[:, joint], _MOST) ** 2
     idle += UNRELATED - 0.5 * _excess(size, need.whole[:, joint], _IDLE) ** 2
     told = log_likelihood(ratios, count)
-    return Report(likely, told, own, target, likeliest, idle, count, size, heavy)
+    return Report(likely, told, own, target, likeliest, idle, count, size, heavy, rubs)
 
 
 def ratio_evidence(reports: Sequence[Sequence[Report]]) -> tuple[float, float, float]:
@@ -201,6 +206,8 @@ def foreign(logs: Sequence[Sequence[Report]]) -> FloatArray:
 def at_gains(logs: Sequence[Sequence[Report]]) -> tuple[FloatArray, FloatArray]:
     """Return the log likelihood of all logs at each gain of each joint (m, G), and without (m,)."""
     total = sum(np.logaddexp([one.gains for one in r], [[one.idle] for one in r]) for r in logs)
+    rubs = np.sum([[one.rubs for one in reports] for reports in logs], axis=0)
+    total = total + np.logaddexp(rubs, _BARE)[:, None]
     strange = []
     for reports in zip(*logs, strict=True):
         # Speed, direction, load and acceleration may go either way, but the same in all logs.
