@@ -158,8 +158,9 @@ def _best(
     """Return the first model that no other is better than; else the one least behind.
 
     What was found comes first, in the order of belief. It must match the robot as given and the
-    plain fits. Last come the plain fits beside what was found, where that is behind them. Links
-    that swing are simulated: beside them no plain fit is tried.
+    plain fits. What drives report beyond a limit is no error where the limit is believed. Last come
+    the plain fits beside what was found, where that is behind them. Links that swing are simulated:
+    beside them no plain fit is tried.
     """
     problem, first, last = trials.problem, found[0], found[-1]
     if first.only_noise(problem):
@@ -171,9 +172,14 @@ def _best(
         return float(behind(one).max())
 
     def behind(one: Hypothesis) -> FloatArray:
-        return np.asarray(np.max([_behind(problem, one, other) for other in rivals], axis=0))
+        each = [squares_of(other) for other in rivals]
+        return np.asarray(np.max([_behind(problem, squares_of(one), e) for e in each], axis=0))
 
-    ahead = [own for own in plain if _behind(problem, last, own).max() > _AS_GOOD]
+    def squares_of(h: Hypothesis) -> FloatArray:
+        return h.squares if h is first else h.reported
+
+    ends = squares_of(last)
+    ahead = [own for own in plain if _behind(problem, ends, own.reported).max() > _AS_GOOD]
     joined = () if last.swings else (_joined(problem, last, own) for own in ahead)
     longer = (effects for effects in joined if len(effects) > len(last.effects))
     beside = (without_idle(trials, both) for own in longer if (both := trials.of(own)) is not None)
@@ -244,9 +250,13 @@ def _doubting(trials: Trials, answer: Answer, names: Answer) -> Answer:
     return replace(answer, support=support | names.support, rivals=rivals, named=names.hypothesis)
 
 
-def _behind(problem: EstimationProblem, one: Hypothesis, other: Hypothesis) -> FloatArray:
-    """Return (outputs,) ratios of two models' errors, less a standard error of the first."""
-    mine, theirs = one.squares, other.squares
+def _behind(problem: EstimationProblem, mine: FloatArray, theirs: FloatArray) -> FloatArray:
+    """Return (outputs,) ratios of two models' errors, less a standard error of the first.
+
+    Args:
+        problem: the logs.
+        mine, theirs: (B, outputs) mean squares of blocks.
+    """
     beside = np.maximum(theirs.mean(axis=0), problem.indistinct)
     ratio = np.maximum(mine.mean(axis=0) - sem(mine - theirs), 0.0) / np.maximum(beside, 1e-300)
     return np.asarray(np.sqrt(ratio))

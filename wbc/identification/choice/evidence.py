@@ -14,7 +14,11 @@ from scipy.special import log_ndtr
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.model.estimation_problem import ALIKE, DISTORTED, WIDER, EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.residual import IMPOSSIBLE, drive_gains, drive_misses
+from wbc.identification.model.residual import (
+    IMPOSSIBLE,
+    drive_gains,
+    drive_misses,
+)
 from wbc.identification.model.yielding import deflects, loose, plays, some_deflect
 from wbc.robot import Effect
 
@@ -56,9 +60,11 @@ class Hypothesis:
         untold: how many numbers of each effect what is usual tells, not the logs.
         contacts: by how much it is more probable that contacts hold, whose forces no sensor
             measured [nats].
-        squares: (B, outputs) mean squares of each block in the outputs' units, held out, or of the
+        squares: (B, outputs) mean squares of each block in the outputs' units. Held out, or of the
             fit itself where they are larger: where it did not reach its end, it leaves more than a
             step further would leave held out.
+        reported: (B, outputs) the same with what reports hold beyond the limits of drives.
+        unheard: (outputs,) what these cost per independent sample [nats].
         whole: whether it is fitted to its end, with derivatives of its own.
     """
 
@@ -74,6 +80,8 @@ class Hypothesis:
     untold: tuple[float, ...] = ()
     contacts: float = 0.0
     squares: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    reported: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    unheard: FloatArray | float = 0.0
     whole: bool = True
 
     @property
@@ -265,6 +273,9 @@ def weigh(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) -> Float
     them, or else the differences would mean nothing. What filters distort is the same in all folds:
     with N samples altogether,
     n_fo is divided by 1 + N (a d first)^2 / v, a being the share that may look like one cause.
+    Of reports beyond a limit it predicts only that they are beyond: where these exceed it by m in
+    the mean, each has the log density -1 - log m in the place of -log(2 pi e s^2) / 2, that of what
+    is left (rms s).
     Where no sensor measured the forces of contacts, what makes these contacts move is less
     probable, too (`HeldContacts.evidence`).
 
@@ -274,6 +285,12 @@ def weigh(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) -> Float
     """
     beside = np.array([h.prior - h.open + h.contacts for h in hypotheses])
     return np.asarray(log_densities(problem, hypotheses).sum(axis=1) + beside)
+
+
+def distortion(problem: EstimationProblem, h: Hypothesis) -> FloatArray:
+    """Return (outputs,) mean squares in floors by which filters or simulations are off."""
+    share = _SIMULATED if h.swings else DISTORTED
+    return problem.distorted(_BOUNCING if h.bounces else share)
 
 
 def left_to_gain(problem: EstimationProblem, h: Hypothesis) -> float:
@@ -301,8 +318,7 @@ def log_densities(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) 
     least = np.argmin([h.outputs for h in hypotheses], axis=0)
     whiteness = np.array([h.samples for h in hypotheses])[least, np.arange(least.size)]
     samples = reference.rows[:, None] * whiteness
-    share = _SIMULATED if reference.swings else DISTORTED
-    distorted = problem.distorted(_BOUNCING if reference.bounces else share)
+    distorted = distortion(problem, reference)
     if not reference.swings:
         least_left = np.maximum(np.min([h.outputs for h in hypotheses], axis=0), 1.0) + distorted
         samples /= 1.0 + samples.sum(axis=0) * ALIKE**2 * distorted / least_left
@@ -315,5 +331,6 @@ def log_densities(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) 
         else:
             left = h.beside
             variance = np.maximum(h.rows @ left / h.rows.sum(), 1.0) + distorted
-        densities.append(-0.5 * np.sum(samples * (np.log(variance) + left / variance), axis=0))
+        density = -0.5 * np.sum(samples * (np.log(variance) + left / variance), axis=0)
+        densities.append(density - samples.sum(axis=0) * h.unheard)
     return np.array(densities)

@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from wbc.arrays import FloatArray
 from wbc.effects.drive import in_drive_order
 from wbc.errors import IdentificationError
 from wbc.identification.choice.evidence import (
@@ -22,7 +23,7 @@ from wbc.identification.choice.evidence import (
 )
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import ITERATIONS, Fit
-from wbc.identification.model.residual import IMPOSSIBLE
+from wbc.identification.model.residual import IMPOSSIBLE, beyond_limits
 from wbc.identification.model.yielding import some_deflect
 from wbc.robot import Effect
 
@@ -269,10 +270,16 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit, *, whole: bool = True) -
     untold = fit.untold()
     quieter, lacks = problem.quieter(fit)
     units = np.linalg.inv(np.delete(problem.whitening, problem.floor.aside, axis=0))
-    both = [
-        np.stack([problem.block_means(own**2) for own in (left @ units).T], axis=1)
-        for left in (held, fit.residual)
-    ]
+    judged = problem.floor.judged
+    lost, shares, beyond = (own[..., judged] for own in beyond_limits(fit.robot, problem.records))
+    size = np.sqrt(np.maximum(np.mean(fit.residual**2, axis=0), 1.0)) * problem.floor.values[judged]
+    wider = np.log(np.maximum(beyond / size, 1e-300)) + 0.5 - 0.5 * np.log(2.0 * np.pi)
+
+    def of_blocks(more: FloatArray | float) -> FloatArray:
+        each = ((left @ units + more) ** 2 for left in (held, fit.residual))
+        means = [np.apply_along_axis(problem.block_means, 0, own) for own in each]
+        return np.asarray(np.max(means, axis=0))
+
     return Hypothesis(
         effects=fit.effects,
         folds=fold_means(problem.folds, squares) + quieter,
@@ -285,6 +292,8 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit, *, whole: bool = True) -
         implausible=implausible(problem, fit),
         untold=tuple(untold.tolist()),
         contacts=problem.held_contacts(fit),
-        squares=np.maximum(*both),
+        squares=of_blocks(0.0),
+        reported=of_blocks(lost),
+        unheard=shares * np.maximum(wider, 0.0),
         whole=whole,
     )
