@@ -18,8 +18,8 @@ from wbc.files import write_text
 from wbc.identification import Comparison, Diagnosis, OpenLoop, Ranked
 from wbc.identification.answer import shown, words
 from wbc.identification.answer.comparison import compare_problem
-from wbc.identification.answer.remainder import quantities
 from wbc.identification.answer.shown import Series, series_of
+from wbc.identification.choice.constancy import quantities
 from wbc.identification.formulas import Discovery
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.open_loop import open_loop_rows

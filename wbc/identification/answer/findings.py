@@ -31,6 +31,7 @@ _MOTOR_SIDE = (
     "{} of this joint rubs at the motor, before this gear: it follows the motor's speed and does "
     "not slow the link. A simulation would have it at the link"
 )
+_VARIES = "its size changes with {}: it may stand in for another law"
 _ABSENT = "the model to use predicts better without it"
 _TOLD = 0.5  # standard deviation with the logs over that without them, up to which they tell it
 _STRAY = 8.0  # standard deviations between the logs' own values
@@ -92,6 +93,8 @@ def _believed(trials: Trials, answer: Answer) -> dict[Key, Finding]:
         warnings += [*related[k], *stray[k]]
         rivals = tuple(Alternative(*rival) for rival in answer.rivals[effect.key])
         own = answer.support[effect.key]
+        if own.varies > 0.0:
+            warnings.append(_VARIES.format(own.follows))
         findings[effect.key] = Finding(effect, estimates, own, rivals, tuple(warnings), quantities)
     return findings
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.answer.shown import plain
+from wbc.identification.choice.constancy import Variables, quantities
 from wbc.identification.choice.evidence import Key
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
@@ -20,8 +21,6 @@ from wbc.identification.records.record import Record
 from wbc.robot.coordinates import unit_at
 from wbc.tables import FEW
 
-Variables = dict[str, tuple[str, FloatArray]]
-"""Name of what a torque may depend on -> unit and values (N,)."""
 _BINS = 12
 _MATTERS = 2.0  # floors above which an output is mentioned
 _DEPENDS = 0.15  # share of variance above which a dependence is mentioned
@@ -103,37 +102,6 @@ def dependences(
             share, stated = rows.explained_by(index, residual), unit_at(robot, output, unit)
             found.append(Breakdown(output, variable, stated, center, mean, np.sqrt(power), share))
     return sorted(found, key=lambda b: -b.share)
-
-
-def quantities(record: Record, column: int) -> Variables:
-    """Return unit and values (N,) of what the torque at one output may depend on, by name."""
-    robot, motion = record.robot, record.motion
-    row, gear = rows.output_row(robot, column), rows.output_gear(robot, column)
-    speed, load = motion.velocity[:, row], record.load[:, row]
-    time = np.arange(len(speed)) / record.rate
-    seen = {
-        "speed": ("rad/s", speed),
-        "acceleration": ("rad/s^2", np.asarray(motion.acceleration)[:, row]),
-        "load": ("N m", load),
-        "time": ("s", time),
-    }
-    if gear is not None:
-        position, way = motion.position[:, robot.actuated_position[gear]], np.sign(speed)
-        turned = np.mod(position * float(robot.transmission.gear_ratio[gear]), 2.0 * np.pi)
-        # When the joint last changed direction.
-        changed = np.where(np.diff(way, prepend=way[:1]) != 0.0, time, 0.0)
-        seen |= {
-            "position": ("rad", position),
-            "rotor angle": ("rad", turned),
-            "mesh power": ("W", load * speed),
-            "direction": ("1", way),
-            "load against direction": ("N m", np.abs(load) * way),
-            "time since reversal": ("s", time - np.maximum.accumulate(changed)),
-        }
-        if motion.temperature is not None:
-            seen["temperature"] = ("deg C", motion.temperature[:, gear])
-    forces = record.forces.items()
-    return seen | {f"force at {n}": ("N", np.linalg.norm(f, axis=1)) for n, f in forces}
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ import numpy as np
 from scipy.special import expit
 
 from wbc.arrays import FloatArray
+from wbc.identification.choice.constancy import stand_in_evidence
 from wbc.identification.choice.drop_screen import gains, until_null, without_each
 from wbc.identification.choice.evidence import Hypothesis, Key, weigh, without
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.fit import Fit
 from wbc.identification.records.record import bins_of, explained_by, output_gear
 from wbc.robot import Effect
 
@@ -82,6 +82,8 @@ class Support:
             adds: drives with times of their own, noise, feet that give way.
         together: how many causes, with this one, add a torque that the position of the same joint
             tells; 0 where it does not.
+        varies: evidence that its size is not the same everywhere (`stand_in_evidence`) [nats].
+        follows: the variable with which its size changes most surely.
     """
 
     odds: float
@@ -93,40 +95,49 @@ class Support:
     implausible: float = 0.0
     tolerated: float = np.inf
     together: int = 0
+    varies: float = 0.0
+    follows: str = ""
 
     @property
     def probability(self) -> float:
         """That the cause is there: its odds among the list, and that it is no stand-in.
 
-        What is outside the list can be approached by what is in it, and then leaves a remainder
-        at the same outputs, or asks for numbers that no machine has. One cause outside the list
-        does not imitate one effect at several joints, unless it is in every joint itself. Several
+        What is outside the list can be approached by what is in it, and then asks for another size
+        of it elsewhere, leaves a remainder at the same outputs, or has numbers that no machine has.
+        One is no effect at several joints at once, unless it is in every joint itself. Several
         laws of position at one joint imitate any other such law. What every machine is off by does,
         too: a drive that is late by another time than the others acts like viscous friction.
         """
-        return self.odds * self._no_stand_in * self._beyond_tolerance
+        return self.odds * self._no_stand_in(self.varies) * self._beyond_tolerance
 
     @property
     def group_probability(self) -> float:
         """The same for the cause or one that these logs do not tell from it."""
-        return self.belief * self._beyond_tolerance
+        return self.group * self._no_stand_in(self.varies) * self._beyond_tolerance
 
     @property
     def belief(self) -> float:
-        """The same for the cause or what every machine is off by.
+        """The same for the cause or what every machine is off by, whether or not its size varies.
 
         Either way its torque is there while others are judged.
         """
-        return self.group * self._no_stand_in
+        return self.group * self._no_stand_in(0.0)
+
+    @property
+    def likely(self) -> bool:
+        """Whether it is more probable than not beyond tolerances, even if its size varies."""
+        return self.belief * self._beyond_tolerance >= EVEN
 
     @property
     def _beyond_tolerance(self) -> float:
         return float(expit(0.5 * self.tolerated - _TOLERATED))
 
-    @property
-    def _no_stand_in(self) -> float:
+    def _no_stand_in(self, varies: float) -> float:
         single = np.exp(-_COVERAGE * self.coverage)
         score = _LEVEL + self.expected + _EXPLAINED * self.explained
+        score -= max(
+            varies, 0.0
+        )  # an even size is no proof: most laws of recorded machines vary a little
         score -= np.log(_EVERYWHERE + (1.0 - _EVERYWHERE) * single)
         score -= _REMAINDER * np.log(max(self.remainder, _NONE)) + self.implausible
         score -= _TOGETHER * max(self.together - 2, 0)
@@ -166,13 +177,18 @@ def _supports(trials: Trials, h: Hypothesis, excess: FloatArray, explained: bool
     problem, fit = trials.problem, trials.fit(h)
     alone = [(effect,) for effect in h.effects]
     gained = [np.maximum(gain, 0.0) for gain in gains(problem, fit, alone)]
+    steps = [until_null(fit, own, problem.robot) for own in alone]
+    adds = [fit.jacobian[:, :, gone] @ step for gone, step in steps]
     for k, effect in enumerate(h.effects):
         if effect.search.gradual:
             continue
         fewer = trials.of(without(h.effects, effect))
         if fewer is not None:
             gained[k] = np.maximum(fewer.outputs - h.outputs, 0.0)
-    places = [_place_of(problem, fit, effect) for effect in h.effects]
+            adds[k] = trials.fit(fewer).residual - fit.residual
+    each = zip(h.effects, adds, strict=True)
+    places = [_place_of(problem, effect, change) for effect, change in each]
+    varies = stand_in_evidence(problem, h, fit, adds)
     first = np.maximum(trials.nothing.outputs, 1e-300)
     noise = np.maximum(h.outputs, 1.0) / (len(fit.residual) * h.samples)
     step = max(log.sample_time for log in problem.logs)
@@ -201,12 +217,14 @@ def _supports(trials: Trials, h: Hypothesis, excess: FloatArray, explained: bool
             implausible=h.implausible[k],
             tolerated=tolerated[k],
             together=places.count(places[k]) if places[k] else 0,
+            varies=varies[k][0],
+            follows=varies[k][1],
         )
         result.append(support)
     return result
 
 
-def _place_of(problem: EstimationProblem, fit: Fit, own: Effect) -> str:
+def _place_of(problem: EstimationProblem, own: Effect, change: FloatArray) -> str:
     """Return the joint whose position alone tells what a cause adds; empty for none.
 
     At the output that feels the cause most. What machines usually have, such as friction along one
@@ -214,8 +232,6 @@ def _place_of(problem: EstimationProblem, fit: Fit, own: Effect) -> str:
     """
     if own.search.expected > 0.0:
         return ""
-    gone, steps = until_null(fit, (own,), problem.robot)
-    change = fit.jacobian[:, :, gone] @ steps
     robot, column = problem.robot, int(np.argmax(np.sum(change**2, axis=0)))
     gear = output_gear(robot, int(problem.floor.judged[column]))
     if gear is None:
