@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 
 from wbc.effects import load_robot
 from wbc.identification.readings import check_log, check_logs
@@ -201,3 +202,10 @@ def test_a_shifted_column_follows_the_rows_through_times_that_cluster(mend: str)
         log = mended(Log(time, columns), {"columns": {"a.velocity": {"lag": delay}}})
     wrong = log.column("a.velocity") - 3.0 * np.cos(3.0 * log.time)
     assert np.std(wrong) < 0.03
+
+
+def test_a_joint_that_starts_abruptly_is_no_lost_velocity() -> None:
+    """A recorded arm drifted by a millionth of a radian while its velocity read zero."""
+    speed = np.where(np.sin(2.0 * np.pi * T) > 0.0, 0.2 + 0.1 * np.sin(11.0 * T), 0.0)
+    position = cumulative_trapezoid(speed, T, initial=0.0) + 1e-6 * np.sin(7.0 * T)
+    assert "stuck" not in _kinds(Log(T, {"a.position": position, "a.velocity": speed}))

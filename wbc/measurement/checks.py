@@ -142,6 +142,7 @@ _MEASURED = (*_MOTION, *_ACTUATION, "joint_torque")
 _SECONDS = 0.1
 _SAMPLES = 5
 _END_SHARE = 0.2
+_TOLD = 0.1  # of what a velocity jumps by once it is back, that the position must have shown
 _MOVES = 5.0  # times the noise, as for the suspicions about columns
 _ROUNDING = 1e-6  # of the range: smaller steps come from printed digits
 _WALK = 1.0 / 15.0  # mean square of a random walk over its length, its best line taken out
@@ -259,9 +260,11 @@ def _check_stuck(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
             seen = abs(moved - abs(float(trapezoid(velocity[rows], log.time[rows])) - zero))
             jump = abs(float(values[stop] - values[stop - 1])) if stop < len(log) else 0.0
             least = max(seen if values is position else 0.1 * np.ptp(velocity), 5.0 * _step(values))
-            known = values is velocity or seen > 2.0 * _step(position)
+            # Where a velocity was lost, the position shows what it jumps by afterwards: 0.75 of it
+            # in the later half, if it changes evenly; nothing at a joint that starts abruptly.
+            told = _TOLD * jump * passed if values is velocity else 2.0 * _step(position)
             lost = seen > max(_END_SHARE * np.ptp(position), _step(velocity) * passed)
-            if (seen > 0.0 and known and jump > least) if stop < len(log) else lost:
+            if (seen > told and jump > least) if stop < len(log) else lost:
                 text = f"one value for {seconds:.3f} s from {log.time[start]:.3f} s on, while the "
                 way = "The sensor or its link dropped out: leave that time out (log.between)."
                 yield LogFinding("error", "stuck", name, f"{text}joint moves.", way)
