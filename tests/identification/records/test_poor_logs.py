@@ -286,3 +286,18 @@ def test_a_joint_at_rest_whose_sensors_flicker_is_accused_of_nothing(logs: list[
     assert resting_joints(held) == {"knee"}
     assert find_suspicions([held], ROBOT) == [[]]
     assert {f.effect.where for f in diagnose(ROBOT, [held]).findings} == {"hip"}
+
+
+def test_a_slow_log_that_narrows_the_band_of_all_is_named(friction: list[Log]) -> None:
+    """One log of 12 Hz took the band of a recorded arm to 1.2 Hz, and only the JSON said so."""
+    first, other = friction
+    every = slice(None, None, round(0.08 / other.sample_time))
+    columns = {name: values[every] for name, values in other.columns.items()}
+    slow = Log(other.time[every], columns, LogSource("b"))
+    assert not any(
+        "below" in said for said in EstimationProblem.from_logs(ROBOT, friction).warnings
+    )
+    warnings = EstimationProblem.from_logs(ROBOT, [first, slow]).warnings
+    (said,) = (text for text in warnings if "below" in text)
+    assert said.startswith("torques are compared below 1.2 Hz")
+    assert said.endswith("Without b it would be wider.")

@@ -45,6 +45,7 @@ from wbc.identification.records.not_judged import (
     not_judged,
     sensed_joints,
     silent_drives,
+    slow_logs,
     standing_joints,
     unmeasured_forces,
 )
@@ -136,6 +137,7 @@ class EstimationProblem:
         warnings += [*late, *about_drive_times(robot)]
         warnings += unmeasured_forces(prepared, output_names(robot))
         warnings += [*standing_joints(prepared), *low_passed_torques(prepared)]
+        warnings += slow_logs(pieces, prepared[0].bandwidth.residual)
         return cls._of(robot, pieces, prepared, warnings)
 
     def nearer(self, reversal: float) -> EstimationProblem:

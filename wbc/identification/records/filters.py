@@ -15,7 +15,9 @@ from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.measurement.filters import WINDOW_SAMPLES, low_pass, unsmooth
 from wbc.robot import Robot
 
-_LOWEST, _HIGHEST = 3.0, 15.0
+LOWEST = 3.0
+"""Band of what is judged [Hz], unless a log is too slow for it."""
+_HIGHEST = 15.0
 _MOVES = 4.0  # times the noise of the smoothed speed
 SPREAD = 5.0  # kinematics keep this many times the residual's band, so that reversals stay sharp
 _ROUNDING = 1e-9  # of the range of a channel, below which a difference is one of rounding
@@ -121,7 +123,7 @@ def choose_bandwidth(
         acceleration = np.fmin(*noise.acceleration_variance(cutoff))[actuated]
         if np.any(inertia**2 * acceleration > noise.torque * cutoff):
             best = min(best, 0.65 * cutoff)
-    residual = float(np.clip(best, _LOWEST, min(_HIGHEST, 0.1 * rate)))
+    residual = float(np.clip(best, LOWEST, min(_HIGHEST, 0.1 * rate)))
     return Bandwidth(residual, min(SPREAD * residual, 0.2 * rate))
 
 

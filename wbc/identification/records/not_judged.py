@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, frozen
+from wbc.identification.records.filters import LOWEST
 from wbc.identification.records.record import (
     Record,
     at_outputs,
@@ -44,6 +45,20 @@ def low_passed_torques(records: Sequence[Record]) -> list[str]:
         "noise away. The noise floor is what they hold there, which may be more than noise. Logs "
         "without the filter, or one motion recorded twice, would tell it."
     ]
+
+
+def slow_logs(logs: Sequence[Log], band: float) -> list[str]:
+    """Return a warning where slow logs narrow the band of all, empty where none does.
+
+    Args:
+        logs: that are compared together.
+        band: of what is judged [Hz].
+    """
+    labels = [log.source.label for log in logs if 0.1 / log.sample_time < LOWEST]
+    if not labels:
+        return []
+    way = "" if len(labels) == len(logs) else f" Without {few(labels)} it would be wider."
+    return [f"torques are compared below {band:.2g} Hz, a tenth of the slowest sampling rate.{way}"]
 
 
 def unmeasured_forces(records: Sequence[Record], outputs: Sequence[str]) -> list[str]:
