@@ -153,6 +153,11 @@ def test_how_a_file_is_written_is_read_and_named(right: Log, told: Told, tmp_pat
     behind = right.with_columns({n: f * right.column(n) for n, f in twenty.items()})
     efforts = save_log(behind, tmp_path / "b.csv").read_text().replace("rotor_torque", "effort")
     assert "hip.effort is taken for hip.motor_torque" in said(efforts.encode())
+    # What the user says is no guess.
+    (tmp_path / "map.toml").write_text('columns."hip.motor_torque" = "hip.effort"\n')
+    answer = told("check", tmp_path / "run.csv", *LEG, "--columns", tmp_path / "map.toml")
+    assert "hip.effort is taken for" not in answer
+    assert "knee.effort is taken for knee.motor_torque" in answer
 
 
 _A, _B = "shoulder", "elbow"

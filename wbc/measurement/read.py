@@ -264,8 +264,8 @@ def _patched(rules: ColumnMap, table: Table) -> tuple[ColumnMap, tuple[str, ...]
     _require_columns(complete, table)
     read = {s for rule in complete.rules for s in rule.sources} | {rules.time.source, *used}
     ignored = tuple(n for n in table.names if n not in read and n not in rules.left_out)
-    kept = {rule.target for rule in complete.rules}
-    return complete, ignored, tuple(note for target, note in notes.items() if target in kept)
+    guessed = {rule.target for rule in free}
+    return complete, ignored, tuple(note for target, note in notes.items() if target in guessed)
 
 
 def _own_rules(table: Table) -> tuple[dict[str, ColumnRule], dict[str, str]]:
