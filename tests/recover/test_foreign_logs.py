@@ -60,8 +60,9 @@ def test_feet_described_as_points_are_balls() -> None:
     assert {e.key for e in found.effects} - {ball.key for ball in balls} == {
         ("coulomb_friction", "FR_thigh_joint")
     }
-    # One is 7 mm too small, which its constancy tells: all are believed, not all are likely.
+    # One is 7 mm too small, and its size changes with something else: it is believed, but doubtful.
     assert all(f.support.belief > 0.5 for f in found.findings)
+    assert [f.effect.where for f in found.findings if f.probability <= 0.5] == ["FL_foot"]
 
 
 def test_a_sound_arm_lacks_nothing() -> None:

@@ -245,17 +245,17 @@ def verdict_of(
         return "partial" if certain and substantial else "unknown"
     if not support:
         return "none" if problem.floor.excesses.max() < _DISAGREEMENT else "not_repeatable"
-    likely = [s for s in support.values() if s.likely]
+    likely = {key: s for key, s in support.items() if s.likely}
     if not likely:
         # What drives that are late by times of their own do as well may be nothing else.
         late = all(s.belief >= EVEN for s in support.values())
         return "none" if late else "unknown"
-    certain = any(s.group_probability >= CERTAIN for s in likely)
-    told = support.items()
-    open_names = {name for (name, _), s in told if s.likely and s.group_probability < CERTAIN}
+    certain = any(s.group_probability >= CERTAIN for s in likely.values())
+    open_names = {name for (name, _), s in likely.items() if s.group_probability < CERTAIN}
     if certain and len(open_names) > 1:
         return "partial"
-    return "named" if certain and not any(s.group > s.odds for s in likely) else "ambiguous"
+    tied = any(s.group > s.odds for s in likely.values())
+    return "named" if certain and not tied else "ambiguous"
 
 
 def explained_share(first: Hypothesis, final: Hypothesis) -> float:

@@ -135,9 +135,8 @@ class Support:
     def _no_stand_in(self, varies: float) -> float:
         single = np.exp(-_COVERAGE * self.coverage)
         score = _LEVEL + self.expected + _EXPLAINED * self.explained
-        score -= max(
-            varies, 0.0
-        )  # an even size is no proof: most laws of recorded machines vary a little
+        # An even size is no proof: friction of recorded machines varies where it is real.
+        score -= max(varies, 0.0)
         score -= np.log(_EVERYWHERE + (1.0 - _EVERYWHERE) * single)
         score -= _REMAINDER * np.log(max(self.remainder, _NONE)) + self.implausible
         score -= _TOGETHER * max(self.together - 2, 0)
@@ -157,10 +156,13 @@ def support_of(
         explained: whether that is too little to ask for one cause more.
     """
     each = _supports(trials, final, excess, explained)
-    return {
-        effect.key: replace(one, odds=odds.of(effect.key), group=odds.of(effect.key, *rivals))
-        for effect, one, rivals in zip(final.effects, each, odds.rivals(final), strict=True)
-    }
+    told = stand_in_evidence(trials.problem, final, trials.fit(final), _adds(trials, final))
+    support = {}
+    rows = zip(final.keys, each, odds.rivals(final), told, strict=True)
+    for key, one, rivals, (varies, follows) in rows:
+        own, group = odds.of(key), odds.of(key, *rivals)
+        support[key] = replace(one, odds=own, group=group, varies=varies, follows=follows)
+    return support
 
 
 def _supports(trials: Trials, h: Hypothesis, excess: FloatArray, explained: bool) -> list[Support]:
@@ -177,18 +179,15 @@ def _supports(trials: Trials, h: Hypothesis, excess: FloatArray, explained: bool
     problem, fit = trials.problem, trials.fit(h)
     alone = [(effect,) for effect in h.effects]
     gained = [np.maximum(gain, 0.0) for gain in gains(problem, fit, alone)]
-    steps = [until_null(fit, own, problem.robot) for own in alone]
-    adds = [fit.jacobian[:, :, gone] @ step for gone, step in steps]
+    adds = _adds(trials, h)
     for k, effect in enumerate(h.effects):
         if effect.search.gradual:
             continue
         fewer = trials.of(without(h.effects, effect))
         if fewer is not None:
             gained[k] = np.maximum(fewer.outputs - h.outputs, 0.0)
-            adds[k] = trials.fit(fewer).residual - fit.residual
     each = zip(h.effects, adds, strict=True)
     places = [_place_of(problem, effect, change) for effect, change in each]
-    varies = stand_in_evidence(problem, h, fit, adds)
     first = np.maximum(trials.nothing.outputs, 1e-300)
     noise = np.maximum(h.outputs, 1.0) / (len(fit.residual) * h.samples)
     step = max(log.sample_time for log in problem.logs)
@@ -217,11 +216,25 @@ def _supports(trials: Trials, h: Hypothesis, excess: FloatArray, explained: bool
             implausible=h.implausible[k],
             tolerated=tolerated[k],
             together=places.count(places[k]) if places[k] else 0,
-            varies=varies[k][0],
-            follows=varies[k][1],
         )
         result.append(support)
     return result
+
+
+def _adds(trials: Trials, h: Hypothesis) -> list[FloatArray]:
+    """Return (rows, outputs) by which each cause of a hypothesis changes the residual.
+
+    By the derivatives of the fit; where these do not tell, by a fit without the cause.
+    """
+    fit, found = trials.fit(h), []
+    for effect in h.effects:
+        fewer = None if effect.search.gradual else trials.of(without(h.effects, effect))
+        if fewer is not None:
+            found.append(trials.fit(fewer).residual - fit.residual)
+        else:
+            gone, steps = until_null(fit, (effect,), trials.problem.robot)
+            found.append(fit.jacobian[:, :, gone] @ steps)
+    return found
 
 
 def _place_of(problem: EstimationProblem, own: Effect, change: FloatArray) -> str:

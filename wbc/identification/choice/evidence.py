@@ -14,11 +14,7 @@ from scipy.special import log_ndtr
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.model.estimation_problem import ALIKE, DISTORTED, WIDER, EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.residual import (
-    IMPOSSIBLE,
-    drive_gains,
-    drive_misses,
-)
+from wbc.identification.model.residual import IMPOSSIBLE, drive_gains, drive_misses
 from wbc.identification.model.yielding import deflects, loose, plays, some_deflect
 from wbc.robot import Effect
 
@@ -137,6 +133,12 @@ class Hypothesis:
     def bounces(self) -> bool:
         """Whether one of these links has play."""
         return loose(self.effects)
+
+    @property
+    def distorts(self) -> float:
+        """Share of the first error (rms) by which filters, or simulations, are off."""
+        share = _SIMULATED if self.swings else DISTORTED
+        return _BOUNCING if self.bounces else share
 
 
 def fold_means(folds: IntArray, squares: FloatArray) -> FloatArray:
@@ -287,12 +289,6 @@ def weigh(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) -> Float
     return np.asarray(log_densities(problem, hypotheses).sum(axis=1) + beside)
 
 
-def distortion(problem: EstimationProblem, h: Hypothesis) -> FloatArray:
-    """Return (outputs,) mean squares in floors by which filters or simulations are off."""
-    share = _SIMULATED if h.swings else DISTORTED
-    return problem.distorted(_BOUNCING if h.bounces else share)
-
-
 def left_to_gain(problem: EstimationProblem, h: Hypothesis) -> float:
     """Return what one cause more can add to the log density of a hypothesis at most [nats].
 
@@ -318,7 +314,7 @@ def log_densities(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) 
     least = np.argmin([h.outputs for h in hypotheses], axis=0)
     whiteness = np.array([h.samples for h in hypotheses])[least, np.arange(least.size)]
     samples = reference.rows[:, None] * whiteness
-    distorted = distortion(problem, reference)
+    distorted = problem.distorted(reference.distorts)
     if not reference.swings:
         least_left = np.maximum(np.min([h.outputs for h in hypotheses], axis=0), 1.0) + distorted
         samples /= 1.0 + samples.sum(axis=0) * ALIKE**2 * distorted / least_left

@@ -270,16 +270,14 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit, *, whole: bool = True) -
     untold = fit.untold()
     quieter, lacks = problem.quieter(fit)
     units = np.linalg.inv(np.delete(problem.whitening, problem.floor.aside, axis=0))
-    judged = problem.floor.judged
-    lost, shares, beyond = (own[..., judged] for own in beyond_limits(fit.robot, problem.records))
-    size = np.sqrt(np.maximum(np.mean(fit.residual**2, axis=0), 1.0)) * problem.floor.values[judged]
-    wider = np.log(np.maximum(beyond / size, 1e-300)) + 0.5 - 0.5 * np.log(2.0 * np.pi)
+    lost, unheard = _unheard(problem, fit)
 
     def of_blocks(more: FloatArray | float) -> FloatArray:
         each = ((left @ units + more) ** 2 for left in (held, fit.residual))
         means = [np.apply_along_axis(problem.block_means, 0, own) for own in each]
         return np.asarray(np.max(means, axis=0))
 
+    blocks = of_blocks(0.0)
     return Hypothesis(
         effects=fit.effects,
         folds=fold_means(problem.folds, squares) + quieter,
@@ -292,8 +290,27 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit, *, whole: bool = True) -
         implausible=implausible(problem, fit),
         untold=tuple(untold.tolist()),
         contacts=problem.held_contacts(fit),
-        squares=of_blocks(0.0),
-        reported=of_blocks(lost),
-        unheard=shares * np.maximum(wider, 0.0),
+        squares=blocks,
+        reported=of_blocks(lost) if lost.any() else blocks,
+        unheard=unheard,
         whole=whole,
     )
+
+
+def _unheard(problem: EstimationProblem, fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """Return (rows, outputs) what reports hold beyond limits, and (outputs,) what that costs.
+
+    See `weigh`, in nats per independent sample.
+    """
+    left = fit.residual
+    if not any("drive" in effect.acts_by for effect in fit.robot.effects):
+        return np.zeros_like(left), np.zeros(left.shape[1])
+    judged, records = problem.floor.judged, problem.records
+    each = [beyond_limits(fit.robot, record) for record in records]
+    lost = np.concatenate([r.condense(own) for r, own in zip(records, each, strict=True)])
+    sizes = np.abs(np.concatenate(each)[:, judged])
+    shares = np.mean(sizes > 0.0, axis=0)
+    beyond = sizes.mean(axis=0) / np.maximum(shares, 1e-300)
+    rms = np.sqrt(np.maximum(np.mean(left**2, axis=0), 1.0)) * problem.floor.values[judged]
+    wider = np.log(np.maximum(beyond / rms, 1e-300)) + 0.5 - 0.5 * np.log(2.0 * np.pi)
+    return lost[:, judged], shares * np.maximum(wider, 0.0)

@@ -18,6 +18,8 @@ from wbc.robot import Robot
 LOWEST = 3.0
 """Band of what is judged [Hz], unless a log is too slow for it."""
 _HIGHEST = 15.0
+OF_RATE = 0.1
+"""Share of the slowest sampling rate, above which nothing is judged."""
 _MOVES = 4.0  # times the noise of the smoothed speed
 SPREAD = 5.0  # kinematics keep this many times the residual's band, so that reversals stay sharp
 _ROUNDING = 1e-9  # of the range of a channel, below which a difference is one of rounding
@@ -123,7 +125,7 @@ def choose_bandwidth(
         acceleration = np.fmin(*noise.acceleration_variance(cutoff))[actuated]
         if np.any(inertia**2 * acceleration > noise.torque * cutoff):
             best = min(best, 0.65 * cutoff)
-    residual = float(np.clip(best, LOWEST, min(_HIGHEST, 0.1 * rate)))
+    residual = float(np.clip(best, LOWEST, min(_HIGHEST, OF_RATE * rate)))
     return Bandwidth(residual, min(SPREAD * residual, 0.2 * rate))
 
 

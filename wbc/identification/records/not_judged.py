@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, frozen
-from wbc.identification.records.filters import LOWEST
+from wbc.identification.records.filters import LOWEST, OF_RATE
 from wbc.identification.records.record import (
     Record,
     at_outputs,
@@ -54,7 +54,7 @@ def slow_logs(logs: Sequence[Log], band: float) -> list[str]:
         logs: that are compared together.
         band: of what is judged [Hz].
     """
-    labels = [log.source.label for log in logs if 0.1 / log.sample_time < LOWEST]
+    labels = [log.source.label for log in logs if OF_RATE / log.sample_time < LOWEST]
     if not labels:
         return []
     way = "" if len(labels) == len(logs) else f" Without {few(labels)} it would be wider."
