@@ -46,7 +46,7 @@ def run_design(options: Options, console: Console) -> Outcome:
         if (count := len(drawn["design"])) < study.size:
             console.print(f"the pictures show {count} of {study.size} designs, evenly spread")
         aimed = [objective.column for objective in objectives]
-        write_figures(options, _figures(options, study, drawn, front, aimed), console)
+        write_figures(options, _figures(study, drawn, front, aimed), console)
     rows = [dict(zip(front, row, strict=True)) for row in zip(*front.values(), strict=True)]
     return 0, {
         "robot": study.robot,
@@ -124,9 +124,9 @@ def _cell(study: design.Study, name: str, value: float) -> str:
 
 
 def _figures(
-    options: Options, study: design.Study, drawn: Columns, front: Columns, aimed: Sequence[str]
+    study: design.Study, drawn: Columns, front: Columns, aimed: Sequence[str]
 ) -> dict[str, Callable[..., Any]]:
-    """Return the files of a map and of the front in two goals, and what draws them."""
+    """Return the names of a map and of the front in two goals, and what draws them."""
     from wbc.view.plots import design_map, pareto_figure
     from wbc.view.study_figures import MAPPED
 
@@ -134,12 +134,12 @@ def _figures(
     across = [p.column for p in study.varied if p.low < p.high] or ["design"]
     steps = [parameter.column for parameter in study.parameters if parameter.logarithmic]
     columns = list(dict.fromkeys([*(name for name in MAPPED if name in drawn), *aimed]))
-    start = f"{options.figures}/{load_robot(study.robot).name}_design"
+    name = load_robot(study.robot).name
     show_map = partial(design_map, drawn, across, units, columns, steps)
-    figures: dict[str, Callable[..., Any]] = {f"{start}_map.png": show_map}
+    figures: dict[str, Callable[..., Any]] = {f"{name}_design_map": show_map}
     if len(aimed) > 1:
         show_front = partial(pareto_figure, drawn, front, aimed[:2], across[0], units)
-        figures[f"{start}_front.png"] = show_front
+        figures[f"{name}_design_front"] = show_front
     return figures
 
 
@@ -255,4 +255,4 @@ def _draw(
     }
     joints = {name: unit_at(robot, name, "rad") for name in robot.transmission.joints}
     draw = partial(experiment_figure, joints, time, designed.path.at(time)[:2], misfits)
-    write_figures(options, {f"{options.figures}/{robot.name}_experiment.png": draw}, console)
+    write_figures(options, {f"{robot.name}_experiment": draw}, console)

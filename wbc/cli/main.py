@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from wbc.cli.options import COMMANDS, build_parser
+from wbc.cli.options import COMMANDS, MODULES, build_parser
 from wbc.errors import WbcError, needs
 
 
@@ -41,12 +41,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> int:
     """Import what the command needs, check what it will write, run it, and write its JSON."""
-    entry = COMMANDS[options.command]
+    module = next(name for name, commands in MODULES.items() if options.command in commands)
     with needs("cli", "the command wbc"):
         from wbc.cli.outputs import PatientConsole, require_outputs, write_json
 
-        command = import_module(f"wbc.cli.{entry.module}")
-    require_outputs(options, entry.options.split())
+        command = import_module(f"wbc.cli.{module}")
+    require_outputs(options, COMMANDS[options.command].options.split())
     target = getattr(options, "json", None)
     console = PatientConsole(markup=False, quiet=target == "-")
     code, content = getattr(command, f"run_{options.command}")(options, console)

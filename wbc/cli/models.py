@@ -258,6 +258,5 @@ def run_trend(options: Options, console: Console) -> Outcome:
     if options.figures:
         from wbc.view.plots import trend_figure
 
-        path = f"{options.figures}/trend.png"
-        outputs.write_figures(options, {path: partial(trend_figure, trend)}, console)
+        outputs.write_figures(options, {"trend": partial(trend_figure, trend)}, console)
     return 4 if options.fail_on_drift and trend.drifting else 0, trend.to_json()

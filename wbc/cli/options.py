@@ -122,13 +122,11 @@ class Subcommand:
         help: one line in the list of commands.
         options: names in `OPTIONS`, in the order of the help.
         epilog: printed below the help.
-        module: of `wbc.cli`, with a function run_COMMAND.
     """
 
     help: str
     options: str
     epilog: str
-    module: str
 
 
 _LOGS = "logs --robot --lossless --columns --quiet --verbose --fix"
@@ -142,25 +140,21 @@ COMMANDS: dict[str, Subcommand] = {
 
 Writes robot.toml (for a model file) and columns.toml. What is guessed is marked
 as a guess, with the reason: correct it, then run wbc check.""",
-        "prepare",
     ),
     "check": Subcommand(
         "what logs are good for, and which columns are wrong",
         f"{_LOGS} --json",
         "example: wbc check run*.csv --robot planar_leg_fixed --fix map.toml",
-        "prepare",
     ),
     "compare": Subcommand(
         "error of the model on logs: how much, and where",
         f"{_LOGS} --json --report",
         "example: wbc compare run*.csv --robot planar_leg_fixed --lossless",
-        "models",
     ),
     "diagnose": Subcommand(
         "which physical effect the model lacks; add it, save it",
         f"{_LOGS} --add --save --budget --discover --json --report",
         "example: wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml",
-        "models",
     ),
     "identify": Subcommand(
         "all parameters at once: links, rotors, friction",
@@ -168,20 +162,17 @@ as a guess, with the reason: correct it, then run wbc check.""",
         """example: wbc identify run*.csv --robot planar_leg_fixed --json parameters.json
 
 It says how large each number is; wbc diagnose says which are needed.""",
-        "models",
     ),
     "rollout": Subcommand(
         "a position servo fitted by simulating its runs",
         "logs --robot --lossless --columns --save --json",
         "example: wbc rollout light.csv heavy.csv@heavy.toml --robot servo.toml",
-        "models",
     ),
     "trend": Subcommand(
         "which machine changes over days, and how surely",
         "logs/plain --robot --lossless --columns --quiet --verbose --workers --fail-on-drift"
         " --figures --theme --json",
         "example: wbc trend fleet/*/*.csv --robot fitted.toml --figures",
-        "models",
     ),
     "play": Subcommand(
         "a recording in motion: one offline page",
@@ -189,13 +180,11 @@ It says how large each number is; wbc diagnose says which are needed.""",
         """example: wbc play run.csv --robot planar_leg --ghost fitted.toml --html a.html
 
 Without --html the page opens in the browser.""",
-        "play",
     ),
     "metrics": Subcommand(
         "inertia, force capability, impacts and holding of a contact",
         f"robot {_SITE} --figures --theme --json",
         "example: wbc metrics planar_leg --pose hip=-0.5236,knee=1.0472 --figures out",
-        "robots",
     ),
     "design": Subcommand(
         "sweep gears and pose: maps and the best compromises",
@@ -206,7 +195,6 @@ a gear parameter takes .JOINT for one gear alone.
 
 example: wbc design planar_leg --sweep reduction=6:160:40:log
   --sweep forward_efficiency=0.5:0.98:40 --figures out""",
-        "design",
     ),
     "experiment": Subcommand(
         "a motion that tells rival causes apart, and its expected odds",
@@ -219,22 +207,27 @@ the motion that shrinks its intervals.
 
 example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
   --between rotor_inertia@knee payload_mass@shin --out trajectory.csv""",
-        "design",
     ),
     "export": Subcommand(
         "a robot for MuJoCo with its losses, or as URDF",
         "robot --to/format --file --json",
         "example: wbc export fitted.toml --to mujoco --file fitted.xml",
-        "robots",
     ),
     "list": Subcommand(
         "the robots, the physical effects and the gearboxes there are",
         "what --json",
         "example: wbc list effects",
-        "robots",
     ),
 }
 """The commands by name, in the order of the help."""
+
+MODULES = {
+    "logs": ("init", "check", "play"),
+    "models": ("compare", "diagnose", "identify", "rollout", "trend"),
+    "robots": ("metrics", "export", "list"),
+    "design": ("design", "experiment"),
+}
+"""Module of `wbc.cli` -> its commands, each a function run_COMMAND."""
 
 _EPILOG = """\
 example: wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml

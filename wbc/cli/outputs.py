@@ -100,19 +100,20 @@ def write_json(target: str | None, content: Mapping[str, Any], console: Console)
 def write_figures(
     options: Options, figures: Mapping[str, Callable[..., Any]], console: Console
 ) -> None:
-    """Draw figures in the theme that the options name, and write them.
+    """Draw figures in the theme and write them to the folder that the options name.
 
     Args:
-        options: with the theme.
-        figures: names of files, and the functions that draw their figures, given a theme.
+        options: with theme and folder.
+        figures: names of files without ending, and what draws their figures, given a theme.
         console: where the files are named.
     """
     from wbc.view import DARK, LIGHT
     from wbc.view.plots import write_figure
 
     theme = DARK if options.theme == "dark" else LIGHT
-    for path, draw in figures.items():
-        console.print(f"wrote {write_figure(path, draw(theme=theme))}")
+    for name, draw in figures.items():
+        path = write_figure(f"{options.figures}/{name}.png", draw(theme=theme))
+        console.print(f"wrote {path}")
 
 
 def watching(what: str, console: Console) -> AbstractContextManager[Watch]:

@@ -75,7 +75,7 @@ def run_metrics(options: Options, console: Console) -> Outcome:
         from wbc.view.plots import leg_figure
 
         draw = partial(leg_figure, robot, q, contact, axes=options.axes)
-        write_figures(options, {f"{options.figures}/{robot.name}_leg.png": draw}, console)
+        write_figures(options, {f"{robot.name}_leg": draw}, console)
     return 0, content
 
 

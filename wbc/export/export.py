@@ -142,13 +142,13 @@ def mjcf(robot: Robot, found: JointNumbers) -> tuple[ET.Element, list[str]]:
     damping[robot.actuated] += share**2 * found.motor_damping
     friction[robot.actuated] += share * found.motor_friction
     given = {"armature": armature, "damping": damping, "frictionloss": friction}
-    given["stiffness"] = found.stiffness
+    given |= {"stiffness": found.stiffness, "constant": found.constant}
     bodies, unsaid = [element(root, "worldbody")], list[str]()
     for number, (joint, link) in enumerate(zip(robot.joints, names, strict=True), 1):
         place = model.jointPlacements[number]
         at = {"pos": place.translation, "quat": _quaternion(place.rotation)}
         bodies.append(element(bodies[model.parents[number]], "body", name=link, **at))
-        unsaid += _joint(bodies[-1], robot, joint, given, found.constant)
+        unsaid += _joint(bodies[-1], robot, joint, given)
         unsaid += _inertial(bodies[-1], link, model.inertias[number])
     for contact in robot.contacts:
         carrier, place = robot.contact_place(contact)
@@ -160,11 +160,7 @@ def mjcf(robot: Robot, found: JointNumbers) -> tuple[ET.Element, list[str]]:
 
 
 def _joint(
-    body: ET.Element,
-    robot: Robot,
-    joint: str,
-    given: Mapping[str, FloatArray],
-    constant: FloatArray,
+    body: ET.Element, robot: Robot, joint: str, given: Mapping[str, FloatArray]
 ) -> Iterator[str]:
     """Add a joint with what is given of it (nv,); say what it cannot hold.
 
@@ -184,7 +180,7 @@ def _joint(
     low, high = (end[moved.idx_q] for end in (model.lowerPositionLimit, model.upperPositionLimit))
     row, bounded = moved.idx_v, moved.nq == 1 and 0.0 < high - low < _ENDLESS
     own = {name: float(values[row]) for name, values in given.items()}
-    spring, push = own["stiffness"], constant[row]
+    spring, push = own["stiffness"], own.pop("constant")
     element(
         body,
         "joint",

@@ -11,24 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from wbc.effects import (
-    ActuationDelay,
-    CoulombFriction,
-    CurrentLimit,
-    JointSpring,
-    LoadPresliding,
-    Presliding,
-    StribeckFriction,
-    TorqueConstant,
-    TorqueOffset,
-    ViscousFriction,
-)
+from wbc import effects
 from wbc.effects.tables import COULOMB, SPRING, VISCOUS, effect_table
 from wbc.errors import RobotError
 from wbc.robot import Effect, Robot
 
-_HELD = (ViscousFriction, CoulombFriction, JointSpring, TorqueConstant, CurrentLimit, TorqueOffset)
-_KINDS = (LoadPresliding, Presliding, StribeckFriction)
+_AT_JOINTS = (effects.ViscousFriction, effects.CoulombFriction, effects.JointSpring)
+_HELD = (*_AT_JOINTS, effects.TorqueConstant, effects.CurrentLimit, effects.TorqueOffset)
+_KINDS = (effects.LoadPresliding, effects.Presliding, effects.StribeckFriction)
 TOLD = ("transmission_efficiency", *(kind.name for kind in _KINDS))
 """Names of the effects that these numbers hold beside what stands in every exported file."""
 
@@ -70,21 +60,16 @@ class JointNumbers:
         self.motor_friction = ratio * gears.rotor_coulomb_friction
         self.motor_limit = ratio * np.minimum(gears.torque_limit, limit / self.gain)
         self.offset, self.delay = offset * gears.gear_ratio, np.zeros(gears.size)
-        unsaid = [*_of_gears(robot, "transmission_efficiency" in told)]
-        unsaid += [
-            f"the force sensor at {c.name}, which reports {c.sensor_gain:.3g} times the force"
-            for c in robot.contacts
-            if c.sensor_gain != 1.0
-        ]
+        unsaid = [*_of_gears_and_contacts(robot, "transmission_efficiency" in told)]
         for effect in robot.effects:
-            if isinstance(effect, ActuationDelay):
+            if isinstance(effect, effects.ActuationDelay):
                 self.delay[gears.index(effect.where)] += effect.delay
             elif effect.name not in told and not isinstance(effect, _HELD):
                 unsaid += _in_words(effect)
         self.unsaid = tuple(dict.fromkeys(unsaid))
 
 
-def _of_gears(robot: Robot, losses_told: bool) -> Iterator[str]:
+def _of_gears_and_contacts(robot: Robot, losses_told: bool) -> Iterator[str]:
     gears = robot.transmission
     for k, joint in enumerate(gears.joints):
         forward, backward = gears.forward_efficiency[k], gears.backward_efficiency[k]
@@ -105,6 +90,9 @@ def _of_gears(robot: Robot, losses_told: bool) -> Iterator[str]:
             yield f"the play in the gear at {joint} ({gears.backlash[k]:.3g} rad)"
     if robot.rotors_turn_with_links:
         yield "the rotors' reaction to the turning of their housings"
+    for contact in robot.contacts:
+        if (gain := contact.sensor_gain) != 1.0:
+            yield f"the force sensor at {contact.name}, which reports {gain:.3g} times the force"
 
 
 def _in_words(effect: Effect) -> Iterator[str]:
@@ -137,7 +125,7 @@ def loss_numbers(robot: Robot) -> dict[str, Any]:
     forward, backward = gears.forward_efficiency, gears.backward_efficiency
     length = np.zeros(size)
     for effect in robot.effects:
-        if isinstance(effect, LoadPresliding):
+        if isinstance(effect, effects.LoadPresliding):
             length[gears.index(effect.where)] = effect.length
     numbers = {
         "joints": list(gears.joints),
@@ -157,11 +145,11 @@ def loss_numbers(robot: Robot) -> dict[str, Any]:
         "joint_damping": found.damping[robot.actuated],
         "joint_friction": found.friction[robot.actuated],
     }
-    beside = (("bristle", Presliding, "length"), ("stribeck", StribeckFriction, "speed"))
-    for name, kind, shape in beside:
-        effects = [effect for effect in robot.effects if isinstance(effect, kind)]
-        rows = [np.eye(size)[gears.index(effect.where)] for effect in effects]
-        numbers[f"{name}_place"] = np.reshape(rows, (len(effects), size))
+    bristles = ("bristle", effects.Presliding, "length")
+    for name, kind, shape in (bristles, ("stribeck", effects.StribeckFriction, "speed")):
+        own = [effect for effect in robot.effects if isinstance(effect, kind)]
+        rows = [np.eye(size)[gears.index(effect.where)] for effect in own]
+        numbers[f"{name}_place"] = np.reshape(rows, (len(own), size))
         for value in ("level", shape):
-            numbers[f"{name}_{value}"] = np.array([effect.values[value] for effect in effects])
+            numbers[f"{name}_{value}"] = np.array([effect.values[value] for effect in own])
     return numbers

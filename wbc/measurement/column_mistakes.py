@@ -37,7 +37,7 @@ CLOCKS = ("ms", "us", "ns")
 """Units that time stamps may have instead of seconds."""
 
 
-_DEGREES, _TURNS = {"unit": "deg"}, {"unit": "turn"}
+_DEGREES, _TURNS, _THOUSANDTHS = {"unit": "deg"}, {"unit": "turn"}, {"scale": 0.001}
 _RPM, _PER_TURN, _PER_DEGREE = {"unit": "rpm"}, {"unit": "turn/s"}, {"unit": "deg/s"}
 _OF_MOTION: tuple[tuple[str, str, Mapping[str, Any], Mapping[str, Any]], ...] = (
     ("degrees", "the position is in degrees", _DEGREES, {}),
@@ -49,12 +49,7 @@ _OF_MOTION: tuple[tuple[str, str, Mapping[str, Any], Mapping[str, Any]], ...] = 
     ("degrees", "the position is in degrees, the velocity in turns/s", _DEGREES, _PER_TURN),
     ("degrees", "the position is in turns, the velocity in rpm", _TURNS, _RPM),
     ("degrees", "the position is in turns, the velocity in deg/s", _TURNS, _PER_DEGREE),
-    (
-        "velocity_unit",
-        "the position is in thousandths of the velocity's unit",
-        {"scale": 0.001},
-        {},
-    ),
+    ("velocity_unit", "the position is in thousandths of the velocity's unit", _THOUSANDTHS, {}),
     ("velocity_sign", "position and velocity have opposite signs", {}, {"sign": -1}),
     ("gear_side", "the velocity is that of the rotor", {}, {"side": "rotor"}),
     ("gear_side", "the position is that of the rotor", {"side": "rotor"}, {}),
@@ -164,12 +159,10 @@ def magnitudes(logs: Sequence[Log]) -> list[LogFinding]:
         return []
     text = f"{', '.join(known)} {'is' if len(known) == 1 else 'are'} never below zero and mirrored "
     text += f"there {folds} times: a magnitude without sign, which is no torque."
-    way = (
-        "Record the current or torque with its sign (servos keep it in a bit of its own). If the "
-        "targets of the drives are recorded, they make the torque: state kp and kd in robot.toml, "
-        "map the targets, and "
-        + say_so({"columns": dict.fromkeys(known, False)}, "leave the magnitudes out")
-    )
+    way = "Record the current or torque with its sign (servos keep it in a bit of its own). If the "
+    way += "targets of the drives are recorded, they make the torque: state kp and kd in "
+    leave = say_so({"columns": dict.fromkeys(known, False)}, "leave the magnitudes out")
+    way += f"robot.toml, map the targets, and {leave}"
     return [LogFinding("error", "torque_magnitude", known[0], text, way)]
 
 

@@ -291,11 +291,9 @@ def hole(name: str, values: FloatArray, missing: str) -> str:
     """Return that a column cannot be used, and how it can: by what a map says of `missing`."""
     bad = np.flatnonzero(~np.isfinite(values))
     what = "drop these rows" if missing == "drop_rows" else "lay straight lines over them"
-    return (
-        f"column '{name}' holds {values[bad[0]]} at row {int(bad[0])} ({bad.size} such rows of "
-        f"{values.size}). Repair the file, or "
-        + say_so({"columns": {name: {"missing": missing}}}, what)
-    )
+    where = f"at row {int(bad[0])} ({bad.size} such rows of {values.size})"
+    way = say_so({"columns": {name: {"missing": missing}}}, what)
+    return f"column '{name}' holds {values[bad[0]]} {where}. Repair the file, or {way}"
 
 
 def _unwritable(array: NDArray[Any]) -> bool:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.integrate import cumulative_trapezoid
 
@@ -16,7 +17,11 @@ from wbc.identification.records.channels import contact_forces
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view import channels, style
-from wbc.view.palette import LIGHT, Theme
+from wbc.view.palette import DIRECTION_COLOURS, DIRECTION_LABELS, LIGHT, Theme
+
+_SHOWN = 1.0 / 150.0  # of its span, over which a plot can average without hiding anything
+_ROUGH = 0.1
+_CUT = 4.0  # weights at which the axis of the force ends where something lands
 
 
 def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
@@ -31,13 +36,16 @@ def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
         theme: page colours.
     """
     gears = robot.transmission
-    flow = channels.gear_flow(robot, log, style.SHOWN * log.duration)
+    flow = channels.gear_flow(robot, log, _SHOWN * log.duration)
     impacts, sky, red = channels.log_impacts(robot, log), theme.series[5], theme.series[1]
     with style.drawing(theme):
         figure, grid = style.new_figure(gears.size, 2, 9.0, 2.1 * gears.size + 0.6, share_x=True)
         for i, joint in enumerate(gears.joints):
             (power, loss), entering, lost = grid[i], flow.mesh_power[:, i], flow.loss[:, i]
-            style.fill_power(power, log.time, entering, flow.direction[:, i])
+            for mode, colour in DIRECTION_COLOURS.items():
+                inside, label = flow.direction[:, i] == mode, DIRECTION_LABELS[mode]
+                look: Any = {"color": colour, "label": label, "alpha": 0.75, "linewidth": 0.0}
+                power.fill_between(log.time, entering, where=inside, step="mid", **look)
             power.plot(log.time, entering, color=theme.ink, linewidth=0.5)
             power.set_title(f"{joint}: power into the teeth")
             loss.fill_between(log.time, lost, color=sky, alpha=0.5, linewidth=0.0)
@@ -54,7 +62,7 @@ def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
             loss.set_title(f"{joint}: loss ({shares})")
             for ax in (power, loss):
                 ax.set(ylabel="power [W]", xlim=(log.time[0], log.time[-1]))
-                style.mark_impacts(ax, impacts, theme.ink)
+                _mark_impacts(ax, impacts, theme.ink)
         for ax in grid[-1]:
             ax.set_xlabel("time [s]")
         style.legend_above(figure, grid[0][0], 3)
@@ -133,9 +141,6 @@ def energy_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
     return figure
 
 
-_CUT = 4.0  # weights at which the axis of the force ends where something lands
-
-
 def standing_figure(robot: Robot, runs: Mapping[str, Log], theme: Theme = LIGHT) -> Figure:
     """Return height, sway and pitch of the centre of mass and base, rotor torques and ground force.
 
@@ -159,7 +164,7 @@ def standing_figure(robot: Robot, runs: Mapping[str, Log], theme: Theme = LIGHT)
             for ax, (title, (unit, values)) in zip(axes, signals.items(), strict=True):
                 ax.set(title=title, ylabel=unit)
                 if "N" in unit:
-                    style.plot_mean(ax, log.time, values, look, hits, samples=len(runs) == 1)
+                    _plot_mean(ax, log.time, values, look, hits, samples=len(runs) == 1)
                 else:
                     ax.plot(log.time, values, **look)
             for ax, limit in zip(axes[3:-1], limits, strict=True):
@@ -168,7 +173,7 @@ def standing_figure(robot: Robot, runs: Mapping[str, Log], theme: Theme = LIGHT)
                         ax.axhline(end, color="0.5", linewidth=0.8, linestyle=":")
         first = next(iter(runs.values()))
         for ax in axes:
-            style.mark_impacts(ax, next(iter(impacts.values())), theme.ink)
+            _mark_impacts(ax, next(iter(impacts.values())), theme.ink)
         if peaks := [impact.force for found in impacts.values() for impact in found]:
             # The force of an impact would flatten all others.
             axes[-1].set_ylim(-0.1 * robot.weight, _CUT * robot.weight)
@@ -209,3 +214,35 @@ def run_style(number: int, label: str, theme: Theme) -> dict[str, Any]:
         "zorder": 3.0 - 0.1 * number,
         "label": label,
     }
+
+
+def _mark_impacts(axes: Axes, impacts: Sequence[channels.RecordedImpact], colour: str) -> None:
+    """Draw a thin line at every impact."""
+    for impact in impacts:
+        axes.axvline(impact.time, color=colour, linewidth=0.8, linestyle=(0, (2, 2)))
+
+
+def _plot_mean(
+    axes: Axes,
+    time: FloatArray,
+    values: FloatArray,
+    line: Mapping[str, Any],
+    jumps: Sequence[int],
+    samples: bool,
+) -> None:
+    """Draw a signal (N,), and where it is rough its mean in front of all its samples.
+
+    Args:
+        axes: to draw on.
+        time: (N,) [s].
+        values: (N,).
+        line: its look.
+        jumps: rows that start anew; nothing is averaged across them.
+        samples: whether the samples of a rough signal are drawn; several such signals hide one
+            another.
+    """
+    mean = channels.window_mean(values, round(len(time) * _SHOWN), jumps)
+    rough = float(np.nanstd(values - mean)) > _ROUGH * float(np.nanstd(values))
+    if rough and samples:
+        axes.plot(time, values, color=line["color"], linewidth=0.5, alpha=0.25, zorder=1.5)
+    axes.plot(time, mean if rough else values, **line)

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from wbc.arrays import FloatArray
 from wbc.errors import ViewError
 from wbc.files import atomic_write
 from wbc.identification.answer.figure import ShownFigure
-from wbc.view.channels import RecordedImpact, window_mean
-from wbc.view.palette import DIRECTION_COLOURS, DIRECTION_LABELS, LIGHT, Theme
+from wbc.view.palette import LIGHT, Theme
 
 _FORMATS = ("png", "pdf", "svg")
 _RESOLUTION = 160.0  # [dots per inch] of a PNG
@@ -111,50 +108,3 @@ def write_figure(path: str | Path, figure: Figure) -> Path:
 def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
     """Put the legend of `axes` above the whole figure."""
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=columns)
-
-
-def fill_power(axes: Axes, time: FloatArray, power: FloatArray, directions: FloatArray) -> None:
-    """Fill the area between a power and zero in the colour of its direction."""
-    look: dict[str, Any] = {"alpha": 0.75, "linewidth": 0.0, "step": "mid"}
-    for mode, colour in DIRECTION_COLOURS.items():
-        inside, label = directions == mode, DIRECTION_LABELS[mode]
-        axes.fill_between(time, power, where=inside, color=colour, label=label, **look)
-
-
-def mark_impacts(axes: Axes, impacts: Sequence[RecordedImpact], colour: str) -> None:
-    """Draw a thin line at every impact."""
-    for impact in impacts:
-        axes.axvline(impact.time, color=colour, linewidth=0.8, linestyle=(0, (2, 2)))
-
-
-SHOWN = 1.0 / 150.0
-"""Share of its span over which a plot can average without hiding anything."""
-_ROUGH = 0.1
-
-
-def plot_mean(
-    axes: Axes,
-    time: FloatArray,
-    values: FloatArray,
-    style: Mapping[str, Any],
-    jumps: Sequence[int] = (),
-    *,
-    samples: bool = True,
-) -> None:
-    """Draw a signal (N,), and where it is rough its mean in front of all its samples.
-
-    Args:
-        axes: to draw on.
-        time: (N,) [s].
-        values: (N,).
-        style: of the line.
-        jumps: rows that start anew; nothing is averaged across them.
-        samples: whether the samples of a rough signal are drawn; several such signals hide one
-            another.
-    """
-    rows = round(len(time) * SHOWN)
-    mean = window_mean(values, rows, jumps)
-    rough = float(np.nanstd(values - mean)) > _ROUGH * float(np.nanstd(values))
-    if rough and samples:
-        axes.plot(time, values, color=style.get("color"), linewidth=0.5, alpha=0.25, zorder=1.5)
-    axes.plot(time, mean if rough else values, **style)

@@ -1,9 +1,11 @@
-"""`wbc check` and `wbc init`: what a log is good for; a first description of a robot."""
+"""`wbc init`, `check` and `play`: what a log is good for, and how it looks; a first robot.toml."""
 
 from __future__ import annotations
 
 import re
 import shlex
+import tempfile
+import webbrowser
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -12,16 +14,18 @@ from typing import Any
 
 from rich.console import Console
 
+from wbc import view
 from wbc.cli.inputs import read_logs, robot_from, write_fix
-from wbc.cli.outputs import Options, Outcome, Part, print_out, spoken
+from wbc.cli.outputs import Options, Outcome, Part, print_out, spoken, working
 from wbc.effects import load_robot
-from wbc.errors import WbcError
+from wbc.errors import ViewError, WbcError
 from wbc.files import as_json
 from wbc.identification.readings import LogQuality, check_logs, find_repeats, first_guess
 from wbc.identification.readings.checks import clock_rows
 from wbc.measurement import LogFinding, merged, read_table, write_map
 from wbc.measurement.log import short_label
 from wbc.robot.model_file import left_out
+from wbc.tables import few
 
 _NUMBER = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?![\w])")
 
@@ -176,3 +180,30 @@ def _describe(
         say(f"note: {note}")
     if guessed := first_guess.guessed_numbers(target):
         say(f"look up in {target}: {', '.join(guessed)}")
+
+
+def run_play(options: Options, console: Console) -> Outcome:
+    """Write the page, or open it in the browser."""
+    robot = load_robot(options.robot)
+    logs = read_logs([options.run_file], options.columns, robot)
+    if len(logs) != 1:
+        names = ", ".join(log.source.part for log in logs)
+        raise ViewError(f"'{options.run_file}' holds several logs; choose one with #NAME: {names}.")
+    (log,) = logs
+    ghost = None
+    if options.ghost:
+        ghost = view.model_ghost(load_robot(options.ghost), log, label=Path(options.ghost).stem)
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(options.html) if options.html else Path(folder) / "playback.html"
+        with working(console, "drawing"):
+            view.write_playback(page, robot, log, ghost=ghost)
+        absent = [name for name in robot.single_joints if not log.has(f"{name}.position")]
+        if absent:
+            console.print(f"no position of {few(absent, 4)} in the log: shown at rest")
+        if options.html:
+            console.print(f"wrote {page}")
+        elif webbrowser.open(page.resolve().as_uri()):
+            console.input("Enter closes the page's file.")
+        else:
+            raise ViewError("no browser to open the page in; write it with --html FILE.")
+    return 0, {}
