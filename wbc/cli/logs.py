@@ -47,7 +47,7 @@ def run_check(options: Options, console: Console) -> Outcome:
         names = ", ".join(short_label(qualities[k].label) for k in group)
         parts.append(("repeats", f"repeats of one run: {names}"))
     parts.append(("the clocks", clock_rows(qualities)))
-    print_out(console, answer, parts, options.quiet, options.verbose)
+    print_out(console, answer, [] if options.quiet else parts, options.verbose)
     wrong = {f.text: f for q in qualities for f in q.findings if f.severity == "error"}
     write_fix(options, list(wrong.values()), console)
     content = {"logs": {quality.label: as_json(quality) for quality in qualities}}

@@ -52,7 +52,7 @@ def run_compare(options: Options, console: Console) -> Outcome:
         ("warnings", "\n".join(comparison.warnings)),
         ("where it fails", comparison.where_rows()),
     ]
-    print_out(console, [comparison.sentence], parts, options.quiet, options.verbose)
+    print_out(console, [comparison.sentence], [] if options.quiet else parts, options.verbose)
     content = comparison.to_json(command_line())
     if options.json:
         content["open_loop"] = simulated()[0].to_json()
@@ -188,7 +188,7 @@ def print_diagnosis(
     if diagnosis.findings:
         parts.append(("how the error falls", diagnosis.step_rows()))
     parts.append(("what else was tried", diagnosis.ranking_rows(verbose)))
-    print_out(console, answer, parts, quiet, verbose)
+    print_out(console, answer, [] if quiet else parts, verbose)
 
 
 def _print_discovery(console: Console, discovery: Discovery) -> None:
@@ -254,7 +254,7 @@ def run_trend(options: Options, console: Console) -> Outcome:
         ("what was not measured", "\n".join(f"not measured: {one}" for one in failed)),
         ("what does not surely drift", trend.rows(False)),
     ]
-    print_out(console, [trend.sentence], parts, options.quiet, options.verbose)
+    print_out(console, [trend.sentence], [] if options.quiet else parts, options.verbose)
     if options.figures:
         from wbc.view.plots import trend_figure
 

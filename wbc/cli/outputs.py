@@ -160,11 +160,7 @@ def spoken(text: str, indent: int = 0) -> Group:
 
 
 def print_out(
-    console: Console,
-    answer: Sequence[RenderableType],
-    detail: Sequence[Part],
-    quiet: bool = False,
-    verbose: bool = False,
+    console: Console, answer: Sequence[RenderableType], detail: Sequence[Part], verbose: bool
 ) -> None:
     """Print an answer, then its detail, the most important part first, until the screen is full.
 
@@ -172,11 +168,10 @@ def print_out(
         console: where.
         answer: printed whole.
         detail: a part that does not fit whole is cut; the parts after it are named instead.
-        quiet: print the answer alone.
         verbose: print everything.
     """
     left, absent = LINES, list[str]()
-    for name, content in (("", Group(*answer)), *(() if quiet else detail)):
+    for name, content in (("", Group(*answer)), *detail):
         if not content:
             continue
         if absent and not verbose:  # no part is printed after one that did not fit

@@ -25,7 +25,7 @@ from wbc.sim.ground import Plane, Terrain
 from wbc.transmission import Direction
 from wbc.view import palette
 from wbc.view.channels import Ghost, Track, ghost_at, make_track
-from wbc.view.scene import ARROW_HEAD, add_paths, add_robot_scene, surface, terrain_slabs
+from wbc.view.scene import ARROW_HEAD, add_ground, add_paths, add_robot_scene, surface
 from wbc.view.shapes import LinkShape, robot_shapes
 
 _LEAST_SPAN = 6.0
@@ -191,13 +191,12 @@ def write_playback(
     recorder = _Recorder()
     root = Visualizer(window=recorder)["/wbc"]
     ground, center = ground or _level_ground(track, robot.weight), track.center_of_mass
-    middle = 0.5 * (center.min(axis=0) + center.max(axis=0))
-    slabs = terrain_slabs(ground, middle, float(np.ptp(center, axis=0).max()) + 2.5)
-    shapes = robot_shapes(robot)
     # A robot that hangs below its contact would be hidden by its ground.
     mean = center.mean(axis=0)[None]
     opacity = 1.0 if ground is None or mean[0, 2] >= surface(ground, mean)[0][0] else 0.3
-    reach = add_robot_scene(root, robot, shapes, slabs, list(track.forces), opacity)
+    shapes = robot_shapes(robot)
+    reach = add_robot_scene(root, robot, shapes, list(track.forces))
+    add_ground(root["ground"], ground, center, opacity)
     # Only a robot with a free base moves away.
     floating = robot.floating_size > 0
     leaves = floating and bool(np.ptp(center[:, :2], axis=0).max() > _LEAVES * reach)

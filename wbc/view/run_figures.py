@@ -163,10 +163,11 @@ def standing_figure(robot: Robot, runs: Mapping[str, Log], theme: Theme = LIGHT)
             signals, look = _standing_signals(robot, log), run_style(i, label, theme)
             for ax, (title, (unit, values)) in zip(axes, signals.items(), strict=True):
                 ax.set(title=title, ylabel=unit)
-                if "N" in unit:
-                    _plot_mean(ax, log.time, values, look, hits, samples=len(runs) == 1)
-                else:
-                    ax.plot(log.time, values, **look)
+                calm = _calm(values, hits) if "N" in unit else values
+                if calm is not values and len(runs) == 1:  # samples of several hide one another
+                    samples: Any = {"linewidth": 0.5, "alpha": 0.25, "zorder": 1.5}
+                    ax.plot(log.time, values, color=look["color"], **samples)
+                ax.plot(log.time, calm, **look)
             for ax, limit in zip(axes[3:-1], limits, strict=True):
                 if np.isfinite(limit) and np.abs(ax.dataLim.intervaly).max() > 0.5 * limit:
                     for end in (-limit, limit):
@@ -222,27 +223,8 @@ def _mark_impacts(axes: Axes, impacts: Sequence[channels.RecordedImpact], colour
         axes.axvline(impact.time, color=colour, linewidth=0.8, linestyle=(0, (2, 2)))
 
 
-def _plot_mean(
-    axes: Axes,
-    time: FloatArray,
-    values: FloatArray,
-    line: Mapping[str, Any],
-    jumps: Sequence[int],
-    samples: bool,
-) -> None:
-    """Draw a signal (N,), and where it is rough its mean in front of all its samples.
-
-    Args:
-        axes: to draw on.
-        time: (N,) [s].
-        values: (N,).
-        line: its look.
-        jumps: rows that start anew; nothing is averaged across them.
-        samples: whether the samples of a rough signal are drawn; several such signals hide one
-            another.
-    """
-    mean = channels.window_mean(values, round(len(time) * _SHOWN), jumps)
+def _calm(values: FloatArray, jumps: Sequence[int]) -> FloatArray:
+    """Return the mean of a signal (N,) where it is rough, never across a jump, else the signal."""
+    mean = channels.window_mean(values, round(len(values) * _SHOWN), jumps)
     rough = float(np.nanstd(values - mean)) > _ROUGH * float(np.nanstd(values))
-    if rough and samples:
-        axes.plot(time, values, color=line["color"], linewidth=0.5, alpha=0.25, zorder=1.5)
-    axes.plot(time, mean if rough else values, **line)
+    return mean if rough else values

@@ -160,15 +160,20 @@ def add_paths(root: Any, paths: Mapping[str, FloatArray]) -> None:
         root[name].set_object(mg.Line(corners, mg.LineBasicMaterial(color=int(PURPLE[1:], 16))))
 
 
+def add_ground(root: Any, ground: Terrain | None, center: FloatArray, opacity: float) -> None:
+    """Add the ground under the path (F, 3) [m] of a centre of mass, of an opacity in [0, 1]."""
+    middle = 0.5 * (center.min(axis=0) + center.max(axis=0))
+    slabs = terrain_slabs(ground, middle, float(np.ptp(center, axis=0).max()) + 2.5)
+    look = {"color": 0xA9B0BA, "opacity": opacity, "transparent": opacity < 1.0}
+    for i, slab in enumerate(slabs):
+        root[f"slab{i}"].set_object(mg.Box(slab.sides.tolist()), mg.MeshLambertMaterial(**look))
+        root[f"slab{i}"].set_transform(slab.placement.homogeneous)
+
+
 def add_robot_scene(
-    viewer: Any,
-    robot: Robot,
-    shapes: tuple[LinkShape, ...],
-    slabs: tuple[GroundSlab, ...],
-    contacts: Sequence[str],
-    ground_opacity: float = 1.0,
+    viewer: Any, robot: Robot, shapes: tuple[LinkShape, ...], contacts: Sequence[str]
 ) -> float:
-    """Add robot, hubs, named contacts, centre of mass and ground; return the robot's size [m].
+    """Add robot, hubs, named contacts and centre of mass; return the robot's size [m].
 
     Args:
         viewer: where to add them: the bodies of each joint at `robot/j<number>` with a disc on its
@@ -176,9 +181,7 @@ def add_robot_scene(
             `contacts/<name>`, to be placed and scaled; a ball, its shadow and a line at `com`.
         robot: whose joints and contacts.
         shapes: its bodies, from `robot_shapes`.
-        slabs: the ground, thin boxes whose upper faces are the surface.
         contacts: names of those with an arrow and a cone.
-        ground_opacity: of the ground, in [0, 1].
     """
     reach = scene_size(robot, shapes)
     for shape in shapes:
@@ -196,11 +199,6 @@ def add_robot_scene(
     ball["ball"].set_object(mg.Sphere(radius), material(PURPLE, 1.0))
     ball["floor"].set_object(UprightCylinder(0.004 * reach, radius), material(PURPLE, 0.9))
     _put(ball["line"]["body"], UprightCylinder(1.0, 0.12 * radius), PURPLE, _shift(0.5), 0.8)
-    look = {"color": 0xA9B0BA, "opacity": ground_opacity, "transparent": ground_opacity < 1.0}
-    for i, slab in enumerate(slabs):
-        place = viewer["ground"][f"slab{i}"]
-        place.set_object(mg.Box(slab.sides.tolist()), mg.MeshLambertMaterial(**look))
-        place.set_transform(slab.placement.homogeneous)
     return reach
 
 
