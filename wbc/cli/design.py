@@ -108,10 +108,9 @@ def _print(
     title = f"Pareto front: {count} of {study.size} designs ({aims})"
     console.print(TextTable.of("|".join(heads), cells, title))
     if not count:
-        console.print(
-            "No design can be judged: each has a goal that is infinite or undefined, as in a "
-            "singular pose (straight links). Choose another --pose, or other --objective."
-        )
+        why = "each has a goal that is infinite or undefined, as in a singular pose"
+        way = "(straight links). Choose another --pose, or other --objective."
+        console.print(f"No design can be judged: {why} {way}")
     for box in study.gearboxes:
         if box.unknown:
             console.print(f"{box.name}: no source gives {', '.join(box.unknown)}")
@@ -201,10 +200,8 @@ def print_experiment(rivals: Rivals, found: Found, console: Console) -> None:
         told = f"cause {j + 1} can do all that cause {i + 1} does: if {i + 1} is true, no motion"
         console.print(f"{told} speaks against {j + 1}")
     if rivals.robot.floating_size:
-        console.print(
-            "hold the base in a stand in its usual pose, the feet in the air; diagnose the run "
-            'with a robot.toml that says base = "fixed"'
-        )
+        way = 'diagnose the run with a robot.toml that says base = "fixed"'
+        console.print(f"hold the base in a stand in its usual pose, the feet in the air; {way}")
     console.print(f"the designed motion uses at most {100.0 * designed.used:.0f} % of every limit")
 
 

@@ -173,10 +173,9 @@ def _joint(
         element(body, "freejoint", name=joint)
         return
     if moved.nv != 1:
-        raise RobotError(
-            f"joint '{joint}' of '{robot.name}' has {moved.nv} degrees of freedom; only a "
-            "free base and joints with one can be exported."
-        )
+        limit = "only a free base and joints with one can be exported."
+        has = f"has {moved.nv} degrees of freedom"
+        raise RobotError(f"joint '{joint}' of '{robot.name}' {has}; {limit}")
     low, high = (end[moved.idx_q] for end in (model.lowerPositionLimit, model.upperPositionLimit))
     row, bounded = moved.idx_v, moved.nq == 1 and 0.0 < high - low < _ENDLESS
     own = {name: float(values[row]) for name, values in given.items()}
@@ -203,10 +202,8 @@ def _inertial(body: ET.Element, link: str, inertia: pin.Inertia) -> Iterator[str
     moments, axes = np.linalg.eigh(inertia.inertia)
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     if moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-6) + _LEAST_INERTIA:
-        yield (
-            f"the inertia of {link} as it stands: no body has it (one principal moment "
-            "exceeds the sum of the others), so its smallest one was raised"
-        )
+        why = "no body has it (one principal moment exceeds the sum of the others)"
+        yield f"the inertia of {link} as it stands: {why}, so its smallest one was raised"
     moments = np.maximum(moments, _LEAST_INERTIA)
     moments[0] = max(moments[0], moments[2] - moments[1])
     mass, turn = max(inertia.mass, _LEAST_MASS), _quaternion(axes)

@@ -76,16 +76,12 @@ def _of_gears_and_contacts(robot: Robot, losses_told: bool) -> Iterator[str]:
         slow = gears.slow_loss[k]
         if not losses_told and (forward != 1.0 or backward != 1.0 or slow > 0.0):
             more = f", {slow:.3g} more near rest" if slow > 0.0 else ""
-            yield (
-                f"losses in the gear at {joint} (forward efficiency {forward:.3g}, backward "
-                f"efficiency {backward:.3g}{more}): the exported gear loses nothing that grows "
-                "with the load"
-            )
+            shares = f"forward efficiency {forward:.3g}, backward efficiency {backward:.3g}{more}"
+            lacks = "the exported gear loses nothing that grows with the load"
+            yield f"losses in the gear at {joint} ({shares}): {lacks}"
         if np.isfinite(gears.stiffness[k]):
-            yield (
-                f"the spring in the gear at {joint} ({gears.stiffness[k]:.3g} N m/rad): the "
-                "exported gear is rigid"
-            )
+            spring = f"the spring in the gear at {joint} ({gears.stiffness[k]:.3g} N m/rad)"
+            yield f"{spring}: the exported gear is rigid"
         if gears.backlash[k] > 0.0:
             yield f"the play in the gear at {joint} ({gears.backlash[k]:.3g} rad)"
     if robot.rotors_turn_with_links:
@@ -116,11 +112,10 @@ def loss_numbers(robot: Robot) -> dict[str, Any]:
     gears = robot.transmission
     locking = np.flatnonzero(gears.backward_efficiency <= 0.0)
     if locking.size:
-        raise RobotError(
-            f"the gear of '{gears.joints[locking[0]]}' is self-locking (backward efficiency <= 0): "
-            "its friction has no level that the torque of the motor gives. Export with --to mjcf, "
-            "or give the gear a backward efficiency above 0."
-        )
+        gear = f"the gear of '{gears.joints[locking[0]]}'"
+        why = "its friction has no level that the torque of the motor gives"
+        way = "Export with --to mjcf, or give the gear a backward efficiency above 0."
+        raise RobotError(f"{gear} is self-locking (backward efficiency <= 0): {why}. {way}")
     found, size = JointNumbers(robot, TOLD), gears.size
     forward, backward = gears.forward_efficiency, gears.backward_efficiency
     length = np.zeros(size)

@@ -100,10 +100,9 @@ def repeated_mend(
     for k in np.flatnonzero(~np.isfinite(time))[:1]:
         raise LogError(f"{label}: time is {time[k]} at row {rows[k]}. Leave such rows out.")
     for k in (back := np.flatnonzero(steps < 0.0))[:1]:
-        raise LogError(
-            f"{label}: time goes back at row {rows[k + 1]} ({time[k]:.9g} s, then "
-            f"{time[k + 1]:.9g} s; {back.size} such rows). Sort rows that were stored out of order."
-        )
+        held = f"{time[k]:.9g} s, then {time[k + 1]:.9g} s; {back.size} such rows"
+        way = "Sort rows that were stored out of order."
+        raise LogError(f"{label}: time goes back at row {rows[k + 1]} ({held}). {way}")
     shared = steps == 0.0
     if not shared.any():
         return {}
@@ -149,7 +148,6 @@ def advancing(
         return spread, np.ones(time.size, dtype=bool)
     k, count = int(np.argmin(kept)), np.count_nonzero(~kept)
     ways = {"spread": "spread rows over the time between stamps", "first": "keep the first of each"}
-    raise LogError(
-        f"{label}: time repeats at row {rows[k]} ({time[k]:.9g} s; {count} such rows of "
-        f"{time.size}). To {say_so(mend, ways[mend['time']['repeated']])}"
-    )
+    held, fits = f"{time[k]:.9g} s; {count} such rows of {time.size}", mend["time"]["repeated"]
+    way = say_so(mend, ways[fits])
+    raise LogError(f"{label}: time repeats at row {rows[k]} ({held}). To {way}")

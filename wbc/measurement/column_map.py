@@ -358,10 +358,8 @@ def read_table(path: str | Path | None) -> dict[str, Any]:
     Raises:
         LogError: no such file, or no TOML.
     """
-    hint = (
-        ' Each key stands once; lines such as time.unit = "ms" stand above the first [heading]. '
-        "Option --fix of `wbc check` writes what it found together with the map in use."
-    )
+    hint = ' Each key stands once; lines such as time.unit = "ms" stand above the first [heading]. '
+    hint += "Option --fix of `wbc check` writes what it found together with the map in use."
     return {} if path is None else load_table(path, "the column map", LogError, hint=hint)
 
 
@@ -411,10 +409,8 @@ def _entries(table: Mapping[str, Any], prefix: str, label: str) -> Iterator[tupl
         elif isinstance(value, Mapping) and value:
             yield from _entries(value, f"{name}.", label)
         else:
-            raise LogError(
-                f"{label}: columns.{name}: give the foreign name, a table such as "
-                '{ unit = "deg" }, or false to leave the column out.'
-            )
+            ways = 'a table such as { unit = "deg" }, or false to leave the column out.'
+            raise LogError(f"{label}: columns.{name}: give the foreign name, {ways}")
 
 
 def _is_rule(name: str, value: Any) -> bool:

@@ -268,11 +268,10 @@ def read_bag(path: Path, topic: str) -> Table:
             fields = fields or [f for f in _FIELDS if len(getattr(message, f)) == len(joints)]
             missing = [joint for joint in joints if joint not in place]
             if missing or any(len(getattr(message, f)) != len(place) for f in fields):
-                raise LogError(
-                    f"{path}: the message of '{chosen}' at {(stamps[-1] - stamps[0]) * 1e-9:.6f} s "
-                    f"lacks {', '.join(missing) or 'values'} of the first one. If several "
-                    "publishers share the topic, record them on topics of their own."
-                )
+                after = f"at {(stamps[-1] - stamps[0]) * 1e-9:.6f} s"
+                lacks = f"{', '.join(missing) or 'values'} of the first one"
+                way = "If several publishers share the topic, record them on topics of their own."
+                raise LogError(f"{path}: the message of '{chosen}' {after} lacks {lacks}. {way}")
             rows.append([float(getattr(message, f)[place[j]]) for j in joints for f in fields])
     if not rows:
         raise LogError(f"{path}: topic '{chosen}' holds no message.")

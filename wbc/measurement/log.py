@@ -145,10 +145,9 @@ class Log(Remade):
         """
         held = frame.keys() if hasattr(frame, "keys") else getattr(frame, "columns", None)
         if held is None:
-            raise LogError(
-                "Log.from_frame takes a pandas or polars frame, or a dictionary of columns by "
-                f"name, not {type(frame).__name__}; files are read with load_logs([...])."
-            )
+            takes = "a pandas or polars frame, or a dictionary of columns by name"
+            way = f"not {type(frame).__name__}; files are read with load_logs([...])."
+            raise LogError(f"Log.from_frame takes {takes}, {way}")
         names = [str(name) for name in held]
         require_known(LogError, "column", schema.TIME, names, "log in memory")
         columns = {name: np.asarray(frame[name]) for name in names if schema.is_column(name)}

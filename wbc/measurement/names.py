@@ -110,7 +110,7 @@ def joints_of(owners: Sequence[str], joints: Sequence[str]) -> dict[str, tuple[s
     # What all owners are called, such as a topic, tells none from the others.
     shared = set.intersection(*words.values()) if len(words) > 1 else set()
     own_words = {owner: own - shared for owner, own in words.items()}
-    numbers = {joint: set("_".join(_words(joint)).split("_")) for joint in joints}
+    numbers = {joint: set(_words(joint)) for joint in joints}
     fitting = {
         owner: [j for j in joints if owner in (j, _owner(_words(j)))]
         or [j for j in joints if own and own <= numbers[j]]

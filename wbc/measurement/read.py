@@ -47,10 +47,9 @@ def load_log(
     """
     logs = load_logs([path], columns, gear_ratios)
     if len(logs) != 1:
-        raise LogError(
-            f"'{path}' holds {len(logs)} logs; choose one as '{path}#NAME', or read them all with "
-            f"load_logs. There are: {', '.join(log.source.part for log in logs)}."
-        )
+        way = f"choose one as '{path}#NAME', or read them all with load_logs"
+        parts = ", ".join(log.source.part for log in logs)
+        raise LogError(f"'{path}' holds {len(logs)} logs; {way}. There are: {parts}.")
     if not logs[0].columns:
         why = [*logs[0].source.unusable.values(), "every column is empty."]
         raise LogError(f"{logs[0].source.label}: {why[0]}")
@@ -310,12 +309,10 @@ def _require_columns(rules: ColumnMap, table: Table) -> None:
             f"If the file has no clock, put its rate [Hz] in place of 100, and {rate}"
         )
     if not rules.rules:
-        raise LogError(
-            f"{table.path}: none of its columns has a name of a log (<joint>.position, ...). "
-            f"There are: {', '.join(table.names)}. Let `wbc init MODEL "
-            f"{shlex.quote(str(table.path))}` write a first column map for the URDF, MJCF or robot "
-            "MODEL."
-        )
+        lacks = "none of its columns has a name of a log (<joint>.position, ...)"
+        way = f"Let `wbc init MODEL {shlex.quote(str(table.path))}` write a first column map for "
+        way += "the URDF, MJCF or robot MODEL."
+        raise LogError(f"{table.path}: {lacks}. There are: {', '.join(table.names)}. {way}")
     needed = [(f"columns.{rule.target}", s) for rule in rules.rules for s in rule.sources]
     needed += [*(("rows", key) for key in rules.rows.keys), ("time", rules.time.source)]
     for key, name in (one for one in needed if one[1]):

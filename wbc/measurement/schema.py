@@ -93,11 +93,9 @@ def likely_meant(name: str) -> str | None:
 def not_a_column(name: str) -> str:
     """Return the message for a name that is none of the schema."""
     hint = f" Did you mean '{meant}'?" if (meant := likely_meant(name)) else ""
-    return (
-        f"'{name}' is not a column of a log.{hint} Names are <joint>.<quantity> with "
-        f"{', '.join(JOINT_QUANTITIES)}; <contact>.force.x|y|z or active; base.<quantity> "
-        "(time is separate)."
-    )
+    others = "<contact>.force.x|y|z or active; base.<quantity> (time is separate)."
+    names = f"<joint>.<quantity> with {', '.join(JOINT_QUANTITIES)}; {others}"
+    return f"'{name}' is not a column of a log.{hint} Names are {names}"
 
 
 def today(name: str) -> str:
