@@ -22,7 +22,6 @@ from wbc.errors import DesignError, WbcError
 from wbc.files import as_json
 from wbc.metrics import upward
 from wbc.robot import Robot
-from wbc.robot.coordinates import unit_at
 from wbc.tables import TextTable
 
 _DRAWN = 200_000  # designs in a picture: more than it has pixels to tell apart
@@ -108,9 +107,9 @@ def _print(
     title = f"Pareto front: {count} of {study.size} designs ({aims})"
     console.print(TextTable.of("|".join(heads), cells, title))
     if not count:
-        why = "each has a goal that is infinite or undefined, as in a singular pose"
-        way = "(straight links). Choose another --pose, or other --objective."
-        console.print(f"No design can be judged: {why} {way}")
+        goal = "infinite or undefined, as in a singular pose (straight links)"
+        way = "Choose another --pose, or other --objective."
+        console.print(f"No design can be judged: each has a goal that is {goal}. {way}")
     for box in study.gearboxes:
         if box.unknown:
             console.print(f"{box.name}: no source gives {', '.join(box.unknown)}")
@@ -164,7 +163,10 @@ def run_experiment(options: Options, console: Console) -> Outcome:
     play = shlex.join(["wbc", "play", str(path), "--robot", options.robot])
     console.print(f"wrote {path}; see it: {play}")
     if options.figures:
-        _draw(options, rivals, limits, found, console)
+        from wbc.view.study_figures import experiment_figure
+
+        draw = partial(experiment_figure, rivals, limits, found, options.rate)
+        write_figures(options, {f"{robot.name}_experiment": draw}, console)
     return 0, plans.experiment_json(rivals, found) | {"trajectory": str(path)}
 
 
@@ -234,22 +236,3 @@ def _print_widths(rivals: Rivals, found: Found, console: Console) -> None:
     heads = "|".join(["parameter", *(f">{name}" for name in found)])
     title = "expected half widths of the 90 % intervals"
     console.print(TextTable.of(heads, rows, title))
-
-
-def _draw(
-    options: Options, rivals: Rivals, limits: MotionLimits, found: Found, console: Console
-) -> None:
-    """Draw the motion, and what the wrong cause of the pair that is told worst leaves."""
-    from wbc.view.study_figures import experiment_figure
-
-    designed, robot = found[DESIGNED], rivals.robot
-    time = designed.path.times(options.rate)
-    told = [(odds, pair) for pair, odds in designed.odds.items() if pair not in designed.alike]
-    shown = {"designed": designed, "random": found[plans.RANDOM]} if told else {}
-    misfits = {
-        name: plans.torque_misfit(rivals, limits, one.path, min(told)[1], options.rate)
-        for name, one in shown.items()
-    }
-    joints = {name: unit_at(robot, name, "rad") for name in robot.transmission.joints}
-    draw = partial(experiment_figure, joints, time, designed.path.at(time)[:2], misfits)
-    write_figures(options, {f"{robot.name}_experiment": draw}, console)

@@ -157,11 +157,10 @@ def _drives(
     targets = () if start.driven else start.targets
     driven = start.driven or targets or tuple(j for j in joints if j not in start.unseen)
     if start.driven and start.targets:
-        say(
-            f"targets and no torque of {', '.join(start.targets)}, while other drives report "
-            "theirs: taken for a joint without a drive, which gets no gear; if it has one, add "
-            f"[gears.{start.targets[0]}] with kp and kd"
-        )
+        lacks = f"targets and no torque of {', '.join(start.targets)}"
+        why = "taken for a joint without a drive, which gets no gear"
+        way = f"if it has one, add [gears.{start.targets[0]}] with kp and kd"
+        say(f"{lacks}, while other drives report theirs: {why}; {way}")
     elif targets:
         say("no torque but targets: replace the guessed drive gains kp and kd in robot.toml")
     elif not start.driven:

@@ -173,9 +173,9 @@ def _joint(
         element(body, "freejoint", name=joint)
         return
     if moved.nv != 1:
-        limit = "only a free base and joints with one can be exported."
         has = f"has {moved.nv} degrees of freedom"
-        raise RobotError(f"joint '{joint}' of '{robot.name}' {has}; {limit}")
+        why = "only a free base and joints with one can be exported."
+        raise RobotError(f"joint '{joint}' of '{robot.name}' {has}; {why}")
     low, high = (end[moved.idx_q] for end in (model.lowerPositionLimit, model.upperPositionLimit))
     row, bounded = moved.idx_v, moved.nq == 1 and 0.0 < high - low < _ENDLESS
     own = {name: float(values[row]) for name, values in given.items()}

@@ -14,7 +14,7 @@ import numpy as np
 from wbc import effects
 from wbc.effects.tables import COULOMB, SPRING, VISCOUS, effect_table
 from wbc.errors import RobotError
-from wbc.robot import Effect, Robot
+from wbc.robot import Robot
 
 _AT_JOINTS = (effects.ViscousFriction, effects.CoulombFriction, effects.JointSpring)
 _HELD = (*_AT_JOINTS, effects.TorqueConstant, effects.CurrentLimit, effects.TorqueOffset)
@@ -60,17 +60,15 @@ class JointNumbers:
         self.motor_friction = ratio * gears.rotor_coulomb_friction
         self.motor_limit = ratio * np.minimum(gears.torque_limit, limit / self.gain)
         self.offset, self.delay = offset * gears.gear_ratio, np.zeros(gears.size)
-        unsaid = [*_of_gears_and_contacts(robot, "transmission_efficiency" in told)]
         for effect in robot.effects:
             if isinstance(effect, effects.ActuationDelay):
                 self.delay[gears.index(effect.where)] += effect.delay
-            elif effect.name not in told and not isinstance(effect, _HELD):
-                unsaid += _in_words(effect)
-        self.unsaid = tuple(dict.fromkeys(unsaid))
+        self.unsaid = tuple(dict.fromkeys(_unsaid(robot, told)))
 
 
-def _of_gears_and_contacts(robot: Robot, losses_told: bool) -> Iterator[str]:
-    gears = robot.transmission
+def _unsaid(robot: Robot, told: Container[str]) -> Iterator[str]:
+    """Yield what gears, contacts and effects do beside the numbers, and what is told elsewhere."""
+    gears, losses_told = robot.transmission, "transmission_efficiency" in told
     for k, joint in enumerate(gears.joints):
         forward, backward = gears.forward_efficiency[k], gears.backward_efficiency[k]
         slow = gears.slow_loss[k]
@@ -89,15 +87,11 @@ def _of_gears_and_contacts(robot: Robot, losses_told: bool) -> Iterator[str]:
     for contact in robot.contacts:
         if (gain := contact.sensor_gain) != 1.0:
             yield f"the force sensor at {contact.name}, which reports {gain:.3g} times the force"
-
-
-def _in_words(effect: Effect) -> Iterator[str]:
-    """Yield what an effect does beside changing the robot's own numbers."""
-    acts = effect.acts_by - {"change"}
-    if acts & {"measured", "true"}:
-        yield f"{effect.said()}: it belongs to the sensors, so correct what they report"
-    elif acts:
-        yield effect.said()
+    for effect in robot.effects:
+        acts, held = effect.acts_by - {"change"}, (*_HELD, effects.ActuationDelay)
+        if acts and effect.name not in told and not isinstance(effect, held):
+            way = ": it belongs to the sensors, so correct what they report"
+            yield effect.said() + (way if acts & {"measured", "true"} else "")
 
 
 def loss_numbers(robot: Robot) -> dict[str, Any]:

@@ -148,6 +148,6 @@ def advancing(
         return spread, np.ones(time.size, dtype=bool)
     k, count = int(np.argmin(kept)), np.count_nonzero(~kept)
     ways = {"spread": "spread rows over the time between stamps", "first": "keep the first of each"}
-    held, fits = f"{time[k]:.9g} s; {count} such rows of {time.size}", mend["time"]["repeated"]
-    way = say_so(mend, ways[fits])
+    held = f"{time[k]:.9g} s; {count} such rows of {time.size}"
+    way = say_so(mend, ways[mend["time"]["repeated"]])
     raise LogError(f"{label}: time repeats at row {rows[k]} ({held}). To {way}")

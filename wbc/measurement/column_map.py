@@ -38,11 +38,11 @@ The same without headings, one line for each entry, is how `wbc init` and `--fix
 
 from __future__ import annotations
 
+import fnmatch
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from fnmatch import fnmatchcase
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -284,8 +284,7 @@ class RowChoice:
         """Return which of some rows match `where`, (rows,) bool; `keys` holds text columns."""
         kept = np.ones(rows, dtype=bool)
         for column, pattern in self.where.items():
-            values = [one for one in np.unique(keys[column]) if fnmatchcase(str(one), pattern)]
-            kept &= np.isin(keys[column], values)
+            kept &= np.isin(keys[column], fnmatch.filter(np.unique(keys[column]), pattern))
         return kept
 
 

@@ -281,8 +281,8 @@ def velocity_fits(log: Log) -> dict[str, VelocityFit]:
     """Return the relation of velocity to position of every joint that has both and moves."""
     fits = dict[str, VelocityFit]()
     for joint in log.with_quantity("position"):
-        position, velocity = (log.columns.get(f"{joint}.{q}") for q in ("position", "velocity"))
-        if position is None or velocity is None or jumps(position).size:  # it wraps
+        position, velocity = log.column(f"{joint}.position"), log.columns.get(f"{joint}.velocity")
+        if velocity is None or jumps(position).size:  # it wraps
             continue
         if fit := fit_velocity(log.time, position, velocity):
             fits[joint] = fit

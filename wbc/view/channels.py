@@ -23,6 +23,7 @@ from wbc.identification.records.drives import reported_share, torque_sources
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
 from wbc.measurement import Log
+from wbc.measurement.checks import true_runs
 from wbc.measurement.schema import REPORTED
 from wbc.robot import Motion, Robot
 from wbc.tables import few
@@ -132,10 +133,8 @@ def find_impacts(
     impacts = []
     for name, force in forces.items():
         size = np.linalg.norm(force, axis=1)
-        free = size < _QUIET * weight
-        for row in np.flatnonzero(free[:-1] & ~free[1:]) + 1:
-            left = int(np.max(np.flatnonzero(~free[:row]), initial=-1)) + 1
-            if time[row] - time[left] < _MOMENT:
+        for left, row in zip(*true_runs(size < _QUIET * weight), strict=True):  # in the air
+            if row == len(time) or time[row] - time[left] < _MOMENT:
                 continue
             soon = size[row : int(np.searchsorted(time, time[row] + _MOMENT)) + 1]
             if soon.max() >= weight / len(forces):

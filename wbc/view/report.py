@@ -23,12 +23,10 @@ from wbc.identification.choice.constancy import quantities
 from wbc.identification.formulas import Discovery
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.open_loop import open_loop_rows
-from wbc.identification.readings import check_logs
-from wbc.identification.readings.checks import clock_rows
+from wbc.identification.readings.checks import check_logs, clock_rows
 from wbc.identification.records.record import Record, output_names, output_units
-from wbc.measurement import Log, LogSource
 from wbc.measurement.checks import true_runs
-from wbc.measurement.log import short_label
+from wbc.measurement.log import Log, LogSource, short_label
 from wbc.robot import Robot
 from wbc.robot.effect import spoken
 

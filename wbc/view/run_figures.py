@@ -163,11 +163,11 @@ def standing_figure(robot: Robot, runs: Mapping[str, Log], theme: Theme = LIGHT)
             signals, look = _standing_signals(robot, log), run_style(i, label, theme)
             for ax, (title, (unit, values)) in zip(axes, signals.items(), strict=True):
                 ax.set(title=title, ylabel=unit)
-                calm = _calm(values, hits) if "N" in unit else values
-                if calm is not values and len(runs) == 1:  # samples of several hide one another
+                shown = _mean_if_rough(values, hits) if "N" in unit else values
+                if shown is not values and len(runs) == 1:  # samples of several hide one another
                     samples: Any = {"linewidth": 0.5, "alpha": 0.25, "zorder": 1.5}
                     ax.plot(log.time, values, color=look["color"], **samples)
-                ax.plot(log.time, calm, **look)
+                ax.plot(log.time, shown, **look)
             for ax, limit in zip(axes[3:-1], limits, strict=True):
                 if np.isfinite(limit) and np.abs(ax.dataLim.intervaly).max() > 0.5 * limit:
                     for end in (-limit, limit):
@@ -223,7 +223,7 @@ def _mark_impacts(axes: Axes, impacts: Sequence[channels.RecordedImpact], colour
         axes.axvline(impact.time, color=colour, linewidth=0.8, linestyle=(0, (2, 2)))
 
 
-def _calm(values: FloatArray, jumps: Sequence[int]) -> FloatArray:
+def _mean_if_rough(values: FloatArray, jumps: Sequence[int]) -> FloatArray:
     """Return the mean of a signal (N,) where it is rough, never across a jump, else the signal."""
     mean = channels.window_mean(values, round(len(values) * _SHOWN), jumps)
     rough = float(np.nanstd(values - mean)) > _ROUGH * float(np.nanstd(values))

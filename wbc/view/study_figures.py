@@ -14,7 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from wbc.arrays import FloatArray
+from wbc.design import experiment as plans
+from wbc.design.experiment import Designed, MotionLimits, Rivals
 from wbc.identification.trend import Trend
+from wbc.robot.coordinates import unit_at
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.style import DASHES, drawing, legend_above, new_figure, panel_figure
 
@@ -22,6 +25,8 @@ MAPPED = ("lift", "hold", "backward_inertia", "impact_mitigation", "heat_saved",
 _SHARES = ("impact_mitigation", "heat_saved")  # between 0 and 1: evenly spread colours
 _DECADE = 20.0  # largest over smallest value from which colours are spread by the logarithm
 _SPREAD = 1e-6  # relative; a column that varies less than that shows nothing
+Found = Mapping[str, Designed]
+"""Motions by name, with what each is expected to say."""
 
 
 def design_map(
@@ -160,27 +165,34 @@ def _label(name: str, units: Mapping[str, str]) -> str:
 
 
 def experiment_figure(
-    joints: Mapping[str, str],
-    time: FloatArray,
-    motion: tuple[FloatArray, FloatArray],
-    misfits: Mapping[str, FloatArray],
-    *,
-    theme: Theme = LIGHT,
+    rivals: Rivals, limits: MotionLimits, found: Found, rate: float, theme: Theme = LIGHT
 ) -> Figure:
     """Return the motion on the left; on the right what the wrong cause leaves of the torque.
 
+    It is that of the pair of causes that is told worst, for the designed and the random motion. The
+    motion stands alone where no causes are told apart.
+
     Args:
-        joints: names of the m driven joints, with the units of their positions.
-        time: (N,) [s].
-        motion: positions and velocities (N, m) [rad, m; rad/s, m/s].
-        misfits: name of a motion -> (N, m) in units of the noise of one row, of two motions; the
-            motion stands alone without any.
+        rivals: the causes.
+        limits: of the motion.
+        found: motions by name, as `wbc.design.experiment.compare_motions` returns them.
+        rate: rows per second.
         theme: page colours.
     """
-    units = dict.fromkeys(joints.values())
+    designed, robot = found[plans.DESIGNED], rivals.robot
+    time = designed.path.times(rate)
+    position, velocity, *_ = designed.path.at(time)
+    told = [(odds, pair) for pair, odds in designed.odds.items() if pair not in designed.alike]
+    shown = {"designed": designed, "random": found[plans.RANDOM]} if told else {}
+    misfits = {
+        name: plans.torque_misfit(rivals, limits, one.path, min(told)[1], rate)
+        for name, one in shown.items()
+    }
+    joints = robot.transmission.joints
+    units = dict.fromkeys(unit_at(robot, joint, "rad") for joint in joints)
     panels = {
-        f"position [{', '.join(units)}]": motion[0],
-        f"velocity [{', '.join(f'{unit}/s' for unit in units)}]": motion[1],
+        f"position [{', '.join(units)}]": position,
+        f"velocity [{', '.join(f'{unit}/s' for unit in units)}]": velocity,
         **{f"{n}: torque that the wrong cause leaves [noise rms]": x for n, x in misfits.items()},
     }
     with drawing(theme):
