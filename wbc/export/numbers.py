@@ -112,10 +112,7 @@ def loss_numbers(robot: Robot) -> dict[str, Any]:
         raise RobotError(f"{gear} is self-locking (backward efficiency <= 0): {why}. {way}")
     found, size = JointNumbers(robot, TOLD), gears.size
     forward, backward = gears.forward_efficiency, gears.backward_efficiency
-    length = np.zeros(size)
-    for effect in robot.effects:
-        if isinstance(effect, effects.LoadPresliding):
-            length[gears.index(effect.where)] = effect.length
+    lengths = {e.where: e.length for e in robot.effects if isinstance(e, effects.LoadPresliding)}
     numbers = {
         "joints": list(gears.joints),
         "motor_from_joint": gears.motor_from_joint,
@@ -125,7 +122,7 @@ def loss_numbers(robot: Robot) -> dict[str, Any]:
         "share": 0.5 * (forward + 1.0 / backward),
         "forward_efficiency": forward,
         "backward_efficiency": backward,
-        "gear_length": length,
+        "gear_length": np.array([lengths.get(joint, 0.0) for joint in gears.joints]),
         "slow_coefficient": gears.slow_loss,
         "slow_speed": gears.slow_speed,
         "rotor_inertia": gears.reflected_inertia,
