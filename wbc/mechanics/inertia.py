@@ -20,14 +20,7 @@ from wbc.compiled import (
     view,
 )
 from wbc.mechanics.kinematics import FIRST, JOINT, ROWS, Tree, placed_at, product
-from wbc.mechanics.linear import (
-    add_cross,
-    add_times,
-    copy_to,
-    dot,
-    factor_inertia,
-    solve_inertia,
-)
+from wbc.mechanics.linear import add_cross, add_times, copy_to, dot, factor_inertia, solve_inertia
 
 
 @inner

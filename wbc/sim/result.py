@@ -29,10 +29,7 @@ _TEXTS = (
         "laws are missed by {size:.3g} m/s (rad/s): the budget of work ended before friction or "
         "coupled rotors met them; a shorter dt may",
     ),
-    (
-        "overlap",
-        "{what} is {size:.3g} m (rad) inside; it is taken back at {speed:g} m/s (rad/s)",
-    ),
+    ("overlap", "{what} is {size:.3g} m (rad) inside; it is taken back at {speed:g} m/s (rad/s)"),
     (
         "sunk",
         "joint '{what}' is {size:.3g} m under the ground: no contact holds its link. Give the "
@@ -51,7 +48,7 @@ class StepEvent:
             "energy": contacts, stops or gears made energy, which no law allows.
             "coarse": the energy balance of the step gained more than a hundredth of the energy in
             play, or more energy was stored at its end than it was given, or that was taken from
-            speeds that no law bounds (`sim/step/books`). A shorter step mends it.
+            speeds that no law bounds (`sim/step/part`). A shorter step mends it.
             "unsettled": the budget of work ended before all laws were met. Friction is that of the
             impulses found so far, or coupled rotors are not settled.
             "overlap": a barrier was overrun further than one step takes back, see `return_speed`.

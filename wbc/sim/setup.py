@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import lapack
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import Workspace
 from wbc.dynamics.equation import RotorCoupling, rotor_coupling
 from wbc.effects.tables import add_torques, effect_table, left_for_hooks
@@ -24,7 +24,6 @@ from wbc.sim.ground import Terrain
 from wbc.sim.step import tables
 from wbc.sim.step.books import survey
 from wbc.sim.step.contacts import gaps_of
-from wbc.sim.step.motion import free_bases
 from wbc.sim.step.tables import EffectMemory, SimState
 from wbc.structures import stored
 
@@ -33,8 +32,41 @@ _STAGES = 4  # most steps have less
 _FIRST_WORDS = 1000  # of the heap per coordinate; a step asks for more
 
 
+_PLANAR_ORDER = ("JointModelPX", "JointModelPZ", "JointModelRY")
+
 EffectActs: TypeAlias = tuple[EffectMemory, tuple[Motion, ...]]
 """Of effects that act by hooks: their memory at the end of a part, and the motion that each saw."""
+
+
+def free_bases(robot: Robot) -> IntArray:
+    """Return the free bases (b, 5) of `robot`: free flyers, and planar ones of PX, PZ, RY joints.
+
+    They are roots that no gear drives and nothing holds; columns JOINT to PLACES. None where rotors
+    couple to their housings: part of the momentum is then in their spin, and the velocity terms
+    stay explicit.
+    """
+    found: list[tuple[int, int, int, int, int]] = []
+    model, driven = robot.model, set(robot.actuated.tolist())
+    for number in range(1, model.njoints):
+        joint = model.joints[number]
+        if model.parents[number] != 0 or robot.rotors_turn_with_links:
+            continue
+        if joint.shortname() == "JointModelFreeFlyer":
+            found.append((number - 1, number - 1, joint.idx_v, 6, joint.idx_q))
+        elif _planar(model, number) and not driven & set(range(joint.idx_v, joint.idx_v + 3)):
+            found.append((number - 1, number + 1, joint.idx_v, 3, joint.idx_q))
+    return np.array(found, dtype=np.int64).reshape(-1, 5)
+
+
+def _planar(model: Any, number: int) -> bool:
+    """Return whether a PX, PZ and RY joint follow each other from `number`, along world axes."""
+    if number + 2 >= model.njoints:
+        return False
+    chain = range(number, number + 3)
+    names = tuple(model.joints[i].shortname() for i in chain)
+    inner = [i for i in range(1, model.njoints) if model.parents[i] in (number, number + 1)]
+    level = all(np.allclose(model.jointPlacements[i].rotation, np.eye(3)) for i in chain)
+    return names == _PLANAR_ORDER and level and inner == [number + 1, number + 2]
 
 
 class Drivetrain:

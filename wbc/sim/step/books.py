@@ -1,11 +1,4 @@
-"""Work, losses and what is stored in a part, and the bound that it sets: no part makes energy.
-
-The velocity terms of a part are those of its start and its middle. Where bodies turn far within a
-part they may make energy, and what is too fast turns farther in the next one. So a part that ends
-with more energy than it was given is slowed down at its end: the joints first, whose speeds alone
-these terms change, with the momentum of free bases kept; where a rigid body would still have too
-much, all of it.
-"""
+"""Work, losses and what is stored in a part or an impact, and what a user should know of them."""
 
 from __future__ import annotations
 
@@ -13,14 +6,13 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutRow, Row, ask, compiled, inner, local
+from wbc.compiled import Dense, OutDense, Row, ask, compiled, inner, local
 from wbc.mechanics.inertia import momentum_of, motion_at
 from wbc.mechanics.laws import PLACE, STIFFNESS, passed_by, place_after, stored_at
 from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.memory import row_of, table_of
 from wbc.mechanics.rows import TOLERANCE
-from wbc.sim.step.contacts import put, solid_gap, touch_ground
-from wbc.sim.step.motion import look, set_momentum
+from wbc.sim.step.contacts import look, put, solid_gap, touch_ground
 from wbc.sim.step.part_rows import MISSED, PartRows, motor_speeds, rotor_energy
 from wbc.sim.step.tables import BOOK, HERTZ, LENGTH, TOUCH, Gears, Opened
 
@@ -28,8 +20,6 @@ MADE = 5e-5
 """Share of the energy in play that a part may make. The steps of 10 ms in which a leg that falls
 and bounces gains 0.06 to 0.65 J have at least 8e-5; what turns freely has its step's own error: at
 1 ms a disc that spins on its edge 3e-5, a double pendulum without losses 3e-7."""
-TURN = 0.03
-"""[rad] by which no body turns in a part that is not looked at; the disc above turns so far."""
 
 ENERGY, COARSE, TAKEN_BACK, UNSETTLED, OVERLAP, SUNK = range(6)
 """Kinds of events, see `StepEvent`; of those that are coarse, in TAKEN_BACK speeds were changed."""
@@ -224,54 +214,6 @@ def survey(plant: Opened, q: Row, v: Row, deflection: Row, speed: Row) -> tuple[
             energy += stored_at(plant.bounds[HERTZ], -plant.obstacles.touch[b, 0])
     plant.heap.used[0] = taken
     return energy, deepest, lowest
-
-
-@compiled(inside=True)
-def stored_in_end(plant: Opened, v: Row) -> float:
-    """Return what is stored at the end of a part with other speeds v (nv,) [J]."""
-    end = plant.end
-    return survey(plant, end.position, v, end.deflection, end.motor_speed)[0]
-
-
-@compiled(inside=True)
-def slowed(plant: Opened, fast: Row, share: float, v: OutRow) -> float:
-    """Write v (nv,) with a share of the joints' speeds, and the momentum; return what is stored."""
-    for i in range(len(v)):
-        v[i] = share * fast[i]
-    set_momentum(plant, v)
-    return stored_in_end(plant, v)
-
-
-@compiled(inside=True)
-def keep_passive(plant: Opened) -> None:
-    """Take from v (nv,) at the end of a part what it has made; it stands in books[BOOK.taken] [J].
-
-    Args:
-        plant: its memory stands at the end, with the books.
-    """
-    now, end, books, fast = plant.now, plant.end, plant.end.books, plant.end.velocity
-    work = books[BOOK.motor] + books[BOOK.external] + books[BOOK.effects]
-    had, _, _ = survey(plant, now.position, now.velocity, now.deflection, now.motor_speed)
-    has = stored_in_end(plant, fast)
-    most = had + work + MADE * (books[BOOK.kinetic] + abs(work))
-    if has <= most:
-        return
-    given, v = fast.copy(), end.velocity
-    none, half = slowed(plant, given, 0.0, v), slowed(plant, given, 0.5, v)
-    # Stored energy is quadratic in the share: none + along share + square share^2.
-    square, along = 2.0 * (has + none - 2.0 * half), 4.0 * half - has - 3.0 * none
-    if none < most:
-        root = along + sqrt(max(along * along + 4.0 * square * (most - none), 0.0))
-        share = 2.0 * (most - none) / root if root > 0.0 else 1.0
-        books[BOOK.taken] = has - slowed(plant, given, min(share, 1.0), v)
-        return
-    slowed(plant, given, 0.0, v)
-    given[:] = 0.0
-    rest = stored_in_end(plant, given)
-    share = sqrt((most - rest) / (none - rest)) if rest < most else 0.0
-    for i in range(len(v)):
-        v[i] *= share
-    books[BOOK.taken] = has - rest - share * share * (none - rest)
 
 
 @inner

@@ -7,12 +7,12 @@ from math import sqrt
 import numpy as np
 
 from wbc.compiled import Dense, Flags, OutDense, OutRow, Places, Row, ask, compiled, inner, local
-from wbc.mechanics.kinematics import place, placed_at
+from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at
+from wbc.mechanics.kinematics import FRAME, columns_at, place, placed_at
 from wbc.mechanics.linear import add_cross, add_times, copy_to, dot
 from wbc.sim.ground import BOX, FIELD, PLANE
-from wbc.sim.step.field import AHEAD, field_gap
+from wbc.sim.step.field import AHEAD, BEND, field_gap, meet_edges, meet_faces, meet_round
 from wbc.sim.step.pairs import FAR, meet
-from wbc.sim.step.peaks import meet_field
 from wbc.sim.step.tables import RETURN_SPEED, Opened
 
 NEAR = 0.05
@@ -126,6 +126,33 @@ def touch_points(plant: Opened, number: int) -> None:
 
 
 @inner
+def meet_field(plant: Opened, pair: int, some: bool, touch: OutDense) -> None:
+    """Write the touches (s, 7) of a pair with a field.
+
+    `some` says that touches of contact points have been written for closed barriers alone.
+    """
+    bodies, obstacles = plant.bodies, plant.obstacles
+    which, solid = bodies.pairs[pair, 0], bodies.pairs[pair, 5]
+    hull, field = bodies.hulls[which], obstacles.solids[solid]
+    known, least = solid * len(obstacles.contacts) + hull[8], np.inf
+    radius = bodies.shapes[which, 4]
+    for i in range(hull[3]):
+        if some:
+            touch_point(plant, known + i)
+        least = min(least, obstacles.touch[known + i, 0])
+        if radius > 0.0:
+            obstacles.touch[known + i, 0] = FAR
+    around = bodies.shapes[which, 3]
+    if least > AHEAD + 0.5 * field[BEND] * around * around:
+        return
+    if radius > 0.0:
+        meet_round(plant, which, field, touch)
+    else:
+        meet_faces(plant, which, field, plant.placed.poses[hull[0]], touch)
+        meet_edges(plant, which, field, known, touch)
+
+
+@inner
 def touch_ground(plant: Opened, closed: Flags) -> None:
     """Write gap, normal and place of contact barriers, for the poses in memory.
 
@@ -183,6 +210,25 @@ def gaps_at(plant: Opened, q: Row, closed: Flags, gap: OutRow) -> None:
 def put(plant: Opened, q: Row) -> None:
     """Write the poses at q (nq,)."""
     place(plant.tree.joints, plant.tree.shapes, q, plant.placed.poses)
+
+
+@inner
+def look(plant: Opened) -> None:
+    """Write columns and bodies in given poses."""
+    tree, placed, about = plant.tree, plant.placed, plant.placed.about
+    poses, bases = placed.poses, placed.bases
+    copy_to(poses[bases[0, FRAME] if len(bases) else 0, 9:], about)
+    columns_at(tree.joints, tree.shapes, poses, about, placed.columns)
+    bodies_at(tree.joints, tree.shapes, poses, about, placed.bodies)
+    composites_of(tree.joints, placed.bodies, placed.composite)
+
+
+@inner
+def weigh(plant: Opened) -> None:
+    """Write columns, bodies and H_l in given poses."""
+    look(plant)
+    placed = plant.placed
+    inertia_at(plant.tree.rows, placed.composite, placed.columns, placed.inertia)
 
 
 @compiled(counted=False)

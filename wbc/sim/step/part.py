@@ -1,16 +1,34 @@
 """One smooth part of a step: both halves, and the rows between them (see `part_rows`).
 
+Over a step the forces change the momentum of the whole tree, not the coordinates in which its base
+happens to be described: p' = p + h (weight + outer forces), and the same for the angular momentum
+about the centre of mass. A smooth part of a step therefore takes linear and angular momentum from
+its start, finds the velocity that carries them at the middle, lets the forces and impulses change
+them there, and finds the velocity that carries the result at the end. The centre of mass moves in
+a straight line over each half. In free flight both momenta are exact to rounding, for any step,
+any base frame and any motion of the joints; what is left of the Coriolis and centrifugal terms is
+their part on the joints.
+
 What a barrier is overrun by (drift of a part of a step, or a ground whose gap jumps) is a matter of
 place. Were it taken back by a speed, the robot would leave with that speed: the robot is moved out,
 its velocity stays.
+
+No part makes energy. The velocity terms of a part are those of its start and its middle. Where
+bodies turn far within a part they may make energy, and what is too fast turns farther in the next
+one. So a part that ends with more energy than it was given is slowed down at its end: the joints
+first, whose speeds alone these terms change, with the momentum of free bases kept; where a rigid
+body would still have too much, all of it.
 """
 
 from __future__ import annotations
 
+from math import sqrt
+
 import numpy as np
 
-from wbc.compiled import Dense, OutRow, Places, Row, ask, compiled, inner
-from wbc.mechanics.kinematics import moved_along
+from wbc.compiled import Dense, OutRow, Places, Row, ask, compiled, inner, local
+from wbc.mechanics.inertia import momentum_at, velocity_at
+from wbc.mechanics.kinematics import JOINT, PLACES, ROWS, moved_along, placed_at
 from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, rest_of_way
 from wbc.mechanics.memory import (
     copied_row,
@@ -23,12 +41,25 @@ from wbc.mechanics.memory import (
 )
 from wbc.mechanics.newton import UNSOLVED, solve_system, speeds_at
 from wbc.mechanics.rows import system_of
-from wbc.sim.step.books import TURN, books_of, keep_passive
-from wbc.sim.step.contacts import NEAR, barrier_rows, gaps_at, gaps_of, other_place, put
-from wbc.sim.step.motion import look_and_set, to_end, to_middle, weigh
+from wbc.sim.step.books import MADE, books_of, survey
+from wbc.sim.step.contacts import (
+    NEAR,
+    barrier_rows,
+    gaps_at,
+    gaps_of,
+    look,
+    other_place,
+    put,
+    rates_at,
+    touch_ground,
+    weigh,
+)
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.part_rows import NO_INERTIA, PartRows, rows_of, solve_part
-from wbc.sim.step.tables import LENGTH, RETURN_SPEED, TOUCH, Opened
+from wbc.sim.step.tables import BOOK, LENGTH, RETURN_SPEED, TOUCH, Opened
+
+_TURN = 0.03
+"""[rad] by which no body turns in a part that is not looked at; the disc at `MADE` turns so far."""
 
 SMOOTH, LANDED = 1, 2
 """A part to the end; one in which a barrier was passed on the way."""
@@ -56,6 +87,112 @@ of one that pulls. Two places of a box 2 mm apart on a field, one 2e-6 m open an
 took a shift of 0.7 mm when both were met exactly, which lifted the box by 0.01 J.
 """
 _TRIES = 100
+
+
+@inner
+def carry(plant: Opened, v: Row) -> None:
+    """Keep the momentum (6) that every tree on a free base has at v (nv,)."""
+    placed = plant.placed
+    for i in range(len(placed.bases)):
+        root, carried = placed.bases[i, JOINT], placed.carried[i, :6]
+        momentum_at(plant.tree, placed.columns, placed.composite, root, v, carried)
+
+
+@inner
+def set_momentum(plant: Opened, v: OutRow) -> None:
+    """Change the bases' rows of v (nv,) so that every tree has the momentum that is carried."""
+    placed = plant.placed
+    for i in range(len(placed.bases)):
+        base, carried = placed.bases[i], placed.carried[i, :6]
+        velocity_at(plant.tree, placed.columns, placed.composite, base, carried, v)
+
+
+@inner
+def look_and_set(plant: Opened, v: OutRow) -> None:
+    """Do `set_momentum` in given poses."""
+    look(plant)
+    set_momentum(plant, v)
+
+
+@inner
+def advance(plant: Opened, half: float, q: OutRow) -> None:
+    """Move the bases in q and poses so that each centre of mass has moved in a straight line.
+
+    Args:
+        plant: with poses, momentum and centres of mass; the latter are moved.
+        half: time [s] that the centres of mass move on.
+        q: (nq,), changed.
+    """
+    joints, shapes, poses = plant.tree.joints, plant.tree.shapes, plant.placed.poses
+    bases, carried = plant.placed.bases, plant.placed.carried
+    for i in range(len(bases)):
+        joint, missing, center = bases[i, JOINT], local(3), local(3)
+        missing[:] = 0.0
+        for body in range(len(joints)):
+            if joints[body, 4] == joint:
+                placed_at(poses[body], shapes[body, 16:19], center)
+                add_times(-shapes[body, 15], center, missing)
+        for k in range(3):
+            carried[i, 6 + k] += half / carried[i, 9] * carried[i, k]
+            missing[k] = carried[i, 6 + k] + missing[k] / carried[i, 9]
+        if bases[i, ROWS] == 3:
+            missing[1] = 0.0
+            q[bases[i, PLACES]] += missing[0]
+            q[bases[i, PLACES] + 1] += missing[2]
+        else:
+            add_times(1.0, missing, q[bases[i, PLACES] :])
+        for body in range(len(joints)):
+            if joints[body, 4] == joint:
+                add_times(1.0, missing, poses[body, 9:])
+
+
+@inner
+def to_end(plant: Opened, half: float) -> None:
+    """Move q (nq,) and the poses from the middle of a part to its end, half a step later."""
+    end = plant.end
+    carry(plant, end.after)
+    moved_along(plant.tree.joints, end.before, end.after, half, end.position)
+    put(plant, end.position)
+    advance(plant, half, end.position)
+
+
+@inner
+def to_middle(plant: Opened, half: float) -> None:
+    """Write the middle of a part: q (nq,), v (nv,) half a step later, with the same momentum.
+
+    The attitude goes by the velocity of the middle (one correction), which makes free rotation of
+    second order. The memory then stands at the middle, with all of H_l. How fast the closed
+    contacts open at the start is written beside it, see `rates_at`.
+    """
+    joints, bases = plant.tree.joints, plant.placed.bases
+    q, v, closed = plant.now.position, plant.now.velocity, plant.now.closed
+    middle, speed, rate = plant.end.before, plant.end.speed, plant.end.rate
+    touching, rate[:] = False, 0.0
+    for i in range(plant.obstacles.limits, len(closed)):
+        touching = touching or closed[i]
+    if len(bases) or touching:
+        put(plant, q)
+        look(plant)
+    if touching:
+        touch_ground(plant, closed)
+        rates_at(plant, closed, v, rate)
+    copy_to(v, speed)
+    if len(bases):
+        carry(plant, v)
+        for i in range(len(bases)):
+            behind, carried = plant.placed.composite[bases[i, JOINT]], plant.placed.carried[i]
+            carried[9] = behind[0]
+            copy_to(plant.placed.about, carried[6:])
+            add_times(1.0 / behind[0], behind[1:4], carried[6:])
+        moved_along(joints, q, v, half, middle)
+        put(plant, middle)
+        look_and_set(plant, speed)
+    moved_along(joints, q, speed, half, middle)
+    put(plant, middle)
+    advance(plant, half, middle)
+    weigh(plant)
+    copy_to(v, speed)
+    set_momentum(plant, speed)
 
 
 @inner
@@ -218,6 +355,54 @@ def hold_or_land(plant: Opened, held: Places, pushes: Row) -> int:
     return result
 
 
+@compiled(inside=True)
+def stored_in_end(plant: Opened, v: Row) -> float:
+    """Return what is stored at the end of a part with other speeds v (nv,) [J]."""
+    end = plant.end
+    return survey(plant, end.position, v, end.deflection, end.motor_speed)[0]
+
+
+@compiled(inside=True)
+def slowed(plant: Opened, fast: Row, share: float, v: OutRow) -> float:
+    """Write v (nv,) with a share of the joints' speeds, and the momentum; return what is stored."""
+    for i in range(len(v)):
+        v[i] = share * fast[i]
+    set_momentum(plant, v)
+    return stored_in_end(plant, v)
+
+
+@compiled(inside=True)
+def keep_passive(plant: Opened) -> None:
+    """Take from v (nv,) at the end of a part what it has made; it stands in books[BOOK.taken] [J].
+
+    Args:
+        plant: its memory stands at the end, with the books.
+    """
+    now, end, books, fast = plant.now, plant.end, plant.end.books, plant.end.velocity
+    work = books[BOOK.motor] + books[BOOK.external] + books[BOOK.effects]
+    had, _, _ = survey(plant, now.position, now.velocity, now.deflection, now.motor_speed)
+    has = stored_in_end(plant, fast)
+    most = had + work + MADE * (books[BOOK.kinetic] + abs(work))
+    if has <= most:
+        return
+    given, v = fast.copy(), end.velocity
+    none, half = slowed(plant, given, 0.0, v), slowed(plant, given, 0.5, v)
+    # Stored energy is quadratic in the share: none + along share + square share^2.
+    square, along = 2.0 * (has + none - 2.0 * half), 4.0 * half - has - 3.0 * none
+    if none < most:
+        root = along + sqrt(max(along * along + 4.0 * square * (most - none), 0.0))
+        share = 2.0 * (most - none) / root if root > 0.0 else 1.0
+        books[BOOK.taken] = has - slowed(plant, given, min(share, 1.0), v)
+        return
+    slowed(plant, given, 0.0, v)
+    given[:] = 0.0
+    rest = stored_in_end(plant, given)
+    share = sqrt((most - rest) / (none - rest)) if rest < most else 0.0
+    for i in range(len(v)):
+        v[i] *= share
+    books[BOOK.taken] = has - rest - share * share * (none - rest)
+
+
 @inner
 def part_of_step(plant: Opened, step: float) -> int:
     """Do a part from the state of the plant.
@@ -257,7 +442,7 @@ def part_of_step(plant: Opened, step: float) -> int:
     for i in range(len(end.motor_speed) if plant.gears.loose else 0):
         if plant.gears.yields[i]:  # motors stay where they are
             end.deflection[i] -= dot(end.moved, plant.gears.rows[i])
-    if not 0.5 * step * turns <= TURN:
+    if not 0.5 * step * turns <= _TURN:
         keep_passive(plant)
     return hold_or_land(plant, rows.held, pressed)
 

@@ -4,7 +4,7 @@ A part is Moreau's midpoint scheme, in which no barrier is hit:
 
     q_m = q + h/2 v;  H(q_m)(v' - v) = h (forces at q_m) + row impulses;  q' = q_m + h/2 v'
 
-On a free base v is the momentum's at each of the three places (`motion`). The rows are put together
+On a free base v is the momentum's at each of the three places (`part`). The rows are put together
 in the middle. An impact has the same rows, but for its laws and targets. The inertial coupling of
 rotors and housings is in no law of a row: rounds of the solution take it from the last iterate.
 """
@@ -31,14 +31,7 @@ from wbc.mechanics.laws import (
     STIFFNESS,
     own_speed,
 )
-from wbc.mechanics.linear import (
-    add_times,
-    copy_to,
-    dot,
-    factor_inertia,
-    rest_of_way,
-    solve_inertia,
-)
+from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, rest_of_way, solve_inertia
 from wbc.mechanics.memory import (
     copied_row,
     copied_table,
