@@ -142,7 +142,7 @@ def test_mean_voltage_balances_around_the_winding() -> None:
     duty, back_emf, resistance = 0.6, 2.0, 3.0
     current = winding_current(duty, back_emf, resistance, 12.0, 0.5, np.inf)
     assert duty * (12.0 - 0.5 * current) == pytest.approx(resistance * current + back_emf)
-    limited = winding_current(np.array([1.0, -1.0]), np.zeros(2), 2.0, 12.0, 0.0, 1.0)
+    limited = [winding_current(duty, 0.0, 2.0, 12.0, 0.0, 1.0) for duty in (1.0, -1.0)]
     assert limited == pytest.approx([1.0, -1.0])
 
 

@@ -12,28 +12,18 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, Ranged, must
-from wbc.compiled import (
-    Dense,
-    Number,
-    OutDense,
-    OutPlaces,
-    OutTable,
-    Row,
-    Vector,
-    compiled,
-    local,
-    make_ready,
-)
+from wbc.compiled import Dense, OutDense, OutPlaces, OutTable, Row, compiled, local, make_ready
 from wbc.effects.tables import (
     effect_table,
     fill_delivered,
-    fill_efficiencies,
     fill_joint_torques,
     left_for_hooks,
+    near_rest,
 )
 from wbc.errors import LogError, RobotError
 from wbc.measurement import Log, Machine
 from wbc.mechanics.laws import meeting_speed
+from wbc.mechanics.linear import copy_to
 from wbc.robot import Robot, state_gear
 from wbc.structures import stored, structured
 
@@ -76,20 +66,13 @@ class DcDrive(Ranged):
     _told, _raised = "DC drive: ", RobotError
 
 
+@compiled(counted=False)
 def winding_current(
-    duty: FloatArray,
-    back_emf: FloatArray,
-    resistance: FloatArray | float,
-    supply_voltage: float,
-    source_resistance: float,
-    current_limit: float,
-) -> FloatArray:
-    """Return (duty V - e) / (R + R_s |duty|), clipped to the limit [A]; arrays broadcast.
-
-    The law of `DcDrive`.
-    """
-    wanted = (duty * supply_voltage - back_emf) / (resistance + source_resistance * np.abs(duty))
-    return np.minimum(np.maximum(wanted, -current_limit), current_limit)
+    duty: float, back_emf: float, resistance: float, supply: float, source: float, limit: float
+) -> float:
+    """Return (duty V - e) / (R + R_s |duty|), clipped to the limit [A]; the law of `DcDrive`."""
+    wanted = (duty * supply - back_emf) / (resistance + source * abs(duty))
+    return min(max(wanted, -limit), limit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,8 +130,6 @@ class ServoRun:
 RATIO, INERTIA, WEIGHT, PHASE, CONSTANT, COULOMB, VISCOUS = range(7)
 TORQUE, RESISTANCE, SUPPLY, SOURCE, CURRENT, DUTY, HEATING, COOLING = range(7, 15)
 
-_current = compiled(*[Number] * 7)(winding_current)
-
 
 @structured
 class Servos(NamedTuple):
@@ -190,29 +171,26 @@ def next_speed(
     """
     own, law, count = servos.numbers[kind], local(9), len(servos.joints)
     at, speed, smooth, dry = local(1), local(1), local(1), local(1)
-    command, rotor, forward, backward = local(1), local(1), local(1), local(1)
+    command, rotor = local(1), local(1)
     at[0], speed[0], command[0] = q, v, torque
     numbers = servos.effects[kind * count : (kind + 1) * count]
     fill_joint_torques(servos.joints, numbers, at, speed, smooth, dry)
     fill_delivered(servos.drives[kind : kind + 1], command, rotor)
-    for k in range(9):
-        law[k] = servos.laws[kind, k]
-    forward[0], backward[0] = 1.0 / law[3], law[4]
-    fill_efficiencies(servos.gears[kind : kind + 1], speed, forward, backward, forward, backward)
+    copy_to(servos.laws[kind], law)
+    share = near_rest(v, servos.gears[kind, 0], servos.gears[kind, 1])
+    law[3], law[4] = law[3] / (1.0 - share), law[4] / (1.0 + share)
     law[2] += 0.5 * step * brake
     brought = step * own[RATIO] * (rotor[0] - own[VISCOUS] * own[RATIO] * v) + law[2] * v
     lost = step * abs(own[RATIO]) * own[COULOMB]
-    law[0], law[1], law[3], law[4] = brought - lost, brought + lost, 1.0 / forward[0], backward[0]
-    law[5] = step * dry[0]
+    law[0], law[1], law[5] = brought - lost, brought + lost, step * dry[0]
     falls = own[WEIGHT] * np.sin(q + own[PHASE]) + own[CONSTANT] - smooth[0]
     point = step * falls - own[INERTIA] * v
-    after: float = meeting_speed(law, point, own[INERTIA])
-    return after
+    return meeting_speed(law, point, own[INERTIA])
 
 
 @compiled(counted=False)
 def follow_targets(
-    servos: Servos, goal: Dense, enabled: Dense, gain: Row, start: Vector, step: float, q: OutDense
+    servos: Servos, goal: Dense, enabled: Dense, gain: Row, start: Row, step: float, q: OutDense
 ) -> None:
     """Write the positions (T, N) that servos reach.
 
@@ -236,7 +214,7 @@ def follow_targets(
             resistance, current, brake = own[RESISTANCE] * (1.0 + rise), 0.0, 0.0
             if enabled[k, run] > 0.5:
                 limits = own[SUPPLY], own[SOURCE], own[CURRENT]
-                current = float(_current(duty, turning * v, resistance, *limits))
+                current = winding_current(duty, turning * v, resistance, *limits)
                 if abs(current) < own[CURRENT]:
                     brake = turning * turning / (resistance + own[SOURCE] * abs(duty))
             v = next_speed(servos, kind, place, v, own[TORQUE] * current, brake, span)
@@ -328,21 +306,18 @@ def _numbers(robot: Robot, drive: DcDrive, loaded: bool) -> list[float]:
             raise RobotError(f"'{robot.name}' has no {key}; {state_gear(gears.joints[0], key)}")
     if gears.self_locking[0]:
         raise RobotError(f"the gear of '{robot.name}' is self-locking; use the simulator's step.")
-    zero, quarter, half = (_gravity(robot, q) for q in (0.0, np.pi / 2.0, np.pi))
+    model, data = robot.model, robot.model.createData()
+    zero, quarter, half = (  # gravity's torque: constant, or a harmonic of the angle
+        pin.computeGeneralizedGravity(model, data, np.array([angle])).item()
+        for angle in (0.0, 0.5 * np.pi, np.pi)
+    )
     constant = 0.5 * (zero + half)
     if loaded and np.isfinite(gears.supply_voltage[0]):
         drive = replace(drive, supply_voltage=float(gears.supply_voltage[0]))
-    inertia = pin.crba(robot.model, robot.model.createData(), np.zeros(1))[0, 0]
+    inertia = pin.crba(model, data, np.zeros(1))[0, 0]
     weight = np.hypot(quarter - constant, zero - constant)
     phase = np.arctan2(zero - constant, quarter - constant)
     own = gears.rotor_coulomb_friction, gears.rotor_viscous_friction, gears.torque_constant
     friction = (float(number[0]) for number in (*own, gears.resistance))
     links = float(gears.gear_ratio[0]), float(inertia), float(weight), float(phase), constant
     return [*links, *friction, *astuple(drive)]
-
-
-def _gravity(robot: Robot, position: float) -> float:
-    """Return the gravity torque at a position: a harmonic of it (revolute) or constant."""
-    data = robot.model.createData()
-    torque = pin.computeGeneralizedGravity(robot.model, data, np.array([position]))
-    return float(torque[0])
