@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple, dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -162,22 +162,13 @@ class DrivenLinks:
     @classmethod
     def of(cls, responses: Sequence[LinkResponse], coarse: float = 1.0) -> DrivenLinks:
         """Return what drives these links along one log, under the same load."""
-        rows, nothing = [r.row for r in responses], np.zeros(len(responses[0].load))
-
-        def coupled(name: str) -> FloatArray:
-            return np.stack([getattr(r, name)[:, rows] for r in responses], axis=-1)
-
-        def rubbing(name: str) -> FloatArray:
-            without = LinkFriction(nothing, nothing, nothing)
-            return np.stack([getattr(r.friction or without, name) for r in responses], axis=1)
-
-        return cls(
-            *(coupled("inertia"), coupled("damping"), coupled("stiffness")),
-            responses[0].load[:, rows],
-            *(rubbing("velocity"), rubbing("level"), rubbing("counted")),
-            responses[0].step,
-            coarse,
-        )
+        rows, load, step = [r.row for r in responses], responses[0].load, responses[0].step
+        parts = [[r.inertia, r.damping, r.stiffness] for r in responses]
+        inertia, drag, pull = np.take(np.stack(parts, axis=-1), rows, axis=2)
+        still = LinkFriction(*np.zeros((3, len(load))))
+        rubbing = [astuple(r.friction or still) for r in responses]
+        speed, level, counted = np.stack(rubbing, axis=-1)
+        return cls(inertia, drag, pull, load[:, rows], speed, level, counted, step, coarse)
 
     @cached_property
     def least_inertia(self) -> FloatArray:
@@ -223,7 +214,7 @@ class DrivenLinks:
         follow_links(links, self.step, _FARTHEST)
         reached = np.concatenate([v[1:], v[-1:]])  # where windows end, not where others begin
         reached[first[1:] - 1] = ends[:-1, 1]
-        return self._motions(gears, d, v, reached, dry, ends)
+        return self._motions(gears, (d, v, reached, dry), ends)
 
     def chosen(
         self, gears: Sequence[Flanks], moved: Motions, window: IntArray, which: IntArray
@@ -235,18 +226,13 @@ class DrivenLinks:
             return np.asarray(np.take_along_axis(values, each, axis=-1))
 
         samples = np.stack([moved.d, moved.v, moved.reached, moved.rubbed], axis=1)
-        d, v, reached, rubbed = own(samples, which[window]).swapaxes(0, 1)
-        return self._motions(gears, d, v, reached, rubbed, own(moved.ends, which))
+        found = own(samples, which[window]).swapaxes(0, 1)
+        return self._motions(gears, found, own(moved.ends, which))
 
     def _motions(
-        self,
-        gears: Sequence[Flanks],
-        d: FloatArray,
-        v: FloatArray,
-        reached: FloatArray,
-        rubbed: FloatArray,
-        ends: FloatArray,
+        self, gears: Sequence[Flanks], samples: Iterable[FloatArray], ends: FloatArray
     ) -> Motions:
+        d, v, reached, rubbed = samples
         dry = at_samples(rubbed)
         with np.errstate(invalid="ignore"):  # a link that flies off has no numbers
             if any(gear.play > 0.0 for gear in gears):

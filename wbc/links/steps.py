@@ -264,11 +264,8 @@ def follow_links(links: Links, step: float, farthest: float) -> None:
     )  # fmt: skip
     for i in range(count - 1):
         if window < len(first) and first[window] == i:
-            for s in range(starts):
-                for a in range(n):
-                    d[i, a, s] = own.place[s, a] = links.starts[window, 0, a, s]
-                    v[i, a, s] = own.rate[s, a] = links.starts[window, 1, a, s]
-                    own.rubs[s, a] = 0.0
+            d[i], v[i] = links.starts[window, 0], links.starts[window, 1]
+            own.place[:], own.rate[:], own.rubs[:] = d[i].T, v[i].T, 0.0
             window += 1
         pass_interval(links, own, i, step / links.parts, farthest)
         for s in range(starts):
