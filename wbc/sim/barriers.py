@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
@@ -122,7 +122,7 @@ def _pairs_of(
 
 
 def _points_of(
-    robot: Robot, bodies: Bodies, last: Mapping[int, int], solids: int
+    robot: Robot, bodies: Bodies, last: dict[int, int], solids: int
 ) -> tuple[IntArray, FloatArray, IntArray, FloatArray]:
     """Return contact points, and what stands on both sides of barriers, as of `Obstacles`."""
     contacts, placed = robot.contacts, [robot.contact_place(one) for one in robot.contacts]
@@ -138,10 +138,7 @@ def _points_of(
 
 
 def _tables_of(
-    hulls: Sequence[Hull],
-    pairs: Sequence[tuple[int, int, int]],
-    last: Mapping[int, int],
-    points: int,
+    hulls: Sequence[Hull], pairs: Sequence[tuple[int, int, int]], last: dict[int, int], points: int
 ) -> Bodies:
     """Return hulls and pairs as arrays; the corners of bodies are the last contact points.
 

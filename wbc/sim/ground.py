@@ -72,11 +72,8 @@ class Solid(Terrain):
 
 
 def _numbered(kind: float, *numbers: ArrayLike) -> FloatArray:
-    """Return the numbers (20,) of a solid of a kind."""
-    found = np.zeros(20)
-    flat = np.concatenate([np.ravel(number) for number in numbers])
-    found[0], found[1 : 1 + len(flat)] = kind, flat
-    return found
+    """Return the numbers of a solid of a kind."""
+    return np.concatenate([np.ravel(number) for number in (kind, *numbers)])
 
 
 @final
@@ -187,10 +184,9 @@ class Together(Terrain):
 
     def gap(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `Terrain.gap`; of the nearest solid."""
-        found = [solid.gap(points) for solid in self.solids]
-        gaps = np.array([gap for gap, _ in found])
+        found = zip(*(solid.gap(points) for solid in self.solids), strict=True)
+        gaps, normals = map(np.array, found)
         first, every = np.argmin(gaps, axis=0), np.arange(len(points))
-        normals = np.array([normal for _, normal in found])
         return gaps[first, every], normals[first, every]
 
 

@@ -120,10 +120,9 @@ def reported_motion(robot: Robot, recording: Log) -> dict[str, FloatArray]:
 
 def reported_forces(robot: Robot, recording: Log) -> dict[str, FloatArray]:
     """Return the force columns that sensors with a gain of their own report otherwise."""
-    columns = {
-        f"{contact.name}.force.{axis}": contact.sensor_gain
-        for contact in robot.contacts
-        for axis in "xyz"
-        if contact.sensor_gain != 1.0
+    gains = {f"{c.name}.force.{axis}": c.sensor_gain for c in robot.contacts for axis in "xyz"}
+    return {
+        name: gain * recording.column(name)
+        for name, gain in gains.items()
+        if gain != 1.0 and recording.has(name)
     }
-    return {name: columns[name] * recording.column(name) for name in columns if recording.has(name)}

@@ -34,10 +34,6 @@ class Recorder:
     def __init__(self, robot: Robot, temperature: FloatArray | None = None) -> None:
         """Prepare to record `robot`, and the temperature (m,) of its motors where it is known."""
         self._robot, self._temperature = robot, temperature
-        self._single = [
-            (name, robot.position_index(name), robot.velocity_index(name))
-            for name in driven_joints(robot.model)
-        ]
         self._drive = Drivetrain(robot)
         self._rows: list[tuple[float | FloatArray, ...]] = []
 
@@ -57,29 +53,23 @@ class Recorder:
         """
         if len(self._rows) < 2:
             raise SimulationError("a recording needs at least two steps to be a log.")
-        times, q, v, rotor, joint, force, *turn = (
-            np.array(part) for part in zip(*self._rows, strict=True)
-        )
-        columns: dict[str, FloatArray] = {}
-        for owner, (at_q, at_v) in self._robot.free_flyers.items():
-            for i, quantity in enumerate(FREE_POSE):
-                columns[f"{owner}.{quantity}"] = q[:, at_q + i]
-            for i, quantity in enumerate(FREE_VELOCITY):
-                columns[f"{owner}.{quantity}"] = v[:, at_v + i]
-        for name, at_q, at_v in self._single:
-            columns[f"{name}.position"] = q[:, at_q]
-            columns[f"{name}.velocity"] = v[:, at_v]
-        for i, name in enumerate(self._robot.transmission.joints):
-            columns[f"{name}.rotor_torque"] = rotor[:, i]
-            columns[f"{name}.joint_torque"] = joint[:, i]
-            if self._temperature is not None:
-                columns[f"{name}.temperature"] = np.full(len(times), self._temperature[i])
-            if turn:
-                columns[f"{name}.rotor_position"] = turn[0][:, i]
-                columns[f"{name}.rotor_velocity"] = turn[1][:, i]
-        for i, contact in enumerate(self._robot.contacts):
-            for j, axis in enumerate("xyz"):
-                columns[f"{contact.name}.force.{axis}"] = force[:, 3 * i + j]
+        times, q, v, rotor, joint, force, *turn = map(np.array, zip(*self._rows, strict=True))
+        robot, columns = self._robot, dict[str, FloatArray]()
+        for owner, (at_q, at_v) in robot.free_flyers.items():
+            columns |= {f"{owner}.{own}": q[:, at_q + i] for i, own in enumerate(FREE_POSE)}
+            columns |= {f"{owner}.{own}": v[:, at_v + i] for i, own in enumerate(FREE_VELOCITY)}
+        for name in driven_joints(robot.model):
+            columns[f"{name}.position"] = q[:, robot.position_index(name)]
+            columns[f"{name}.velocity"] = v[:, robot.velocity_index(name)]
+        motors = {"rotor_torque": rotor, "joint_torque": joint}
+        if self._temperature is not None:
+            motors["temperature"] = np.tile(self._temperature, (len(times), 1))
+        if turn:
+            motors["rotor_position"], motors["rotor_velocity"] = turn
+        for i, name in enumerate(robot.transmission.joints):
+            columns |= {f"{name}.{quantity}": values[:, i] for quantity, values in motors.items()}
+        forces = [f"{contact.name}.force.{axis}" for contact in robot.contacts for axis in "xyz"]
+        columns |= dict(zip(forces, force.T, strict=True))
         return Log(times, columns)
 
 
