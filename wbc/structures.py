@@ -10,7 +10,7 @@ Structures may hold structures. Machine code makes them, too, from arrays that i
 from __future__ import annotations
 
 from collections import namedtuple
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from hashlib import sha256
 from typing import Any, ClassVar, TypeVar, cast, get_type_hints
 
@@ -116,7 +116,7 @@ def _kept(context: Any, memory: Any, values: Any) -> Any:
     return found(memory, values), build
 
 
-kept: Any = intrinsic(_kept)
+kept: Callable[[Any, _Tuple], _Tuple] = intrinsic(_kept)
 
 
 @unbox(_Kind)  # type: ignore[untyped-decorator]

@@ -181,6 +181,16 @@ def flank_impulse(flank: Row, end: float) -> tuple[float, float, float, float]:
 
 
 @inner
+def begin_flank(flank: OutRow, half: float, place: float, rate: float, step: float) -> None:
+    """Write all of a flank but its stiffness and damping, at the start of a step of h [s].
+
+    Springs take the chord of their energy (theta 1/2), dampers the final speed (theta_c 1).
+    """
+    flank[HALF], flank[PLACE], flank[RATE], flank[END] = half, place, rate, rate
+    flank[STEP], flank[LATE], flank[LATE_DAMPING] = step, 0.5, 1.0
+
+
+@inner
 def stored_at(stiffness: float, depth: float) -> float:
     """Return what a contact stores at a depth [m]: U, none outside."""
     return 0.4 * stiffness * depth * depth * sqrt(depth) if depth > 0.0 else 0.0

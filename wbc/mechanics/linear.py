@@ -24,13 +24,6 @@ def add_times(share: float, given: Row, total: OutRow) -> None:
 
 
 @inner
-def add_all(shares: Row, vectors: Dense, total: OutRow) -> None:
-    """Add vectors (r, n), each with its share (r,), to another one (n,)."""
-    for i in range(len(shares)):
-        add_times(shares[i], vectors[i], total)
-
-
-@inner
 def go_along(start: Row, end: Row, share: float, place: OutRow) -> None:
     """Write the place a share of the way from one point to another."""
     for i in range(len(start)):

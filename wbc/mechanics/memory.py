@@ -76,7 +76,7 @@ def table_of(heap: Heap, rows: int, columns: int) -> OutDense:
 
 
 @compiled(inside=True)
-def copied_row(heap: Heap, given: Row) -> OutRow:
+def row_copy(heap: Heap, given: Row) -> OutRow:
     """Return a new array (n,) with the entries of another one."""
     found = row_of(heap, len(given))
     copy_to(given, found)
@@ -84,7 +84,7 @@ def copied_row(heap: Heap, given: Row) -> OutRow:
 
 
 @compiled(inside=True)
-def copied_table(heap: Heap, given: Dense) -> OutDense:
+def table_copy(heap: Heap, given: Dense) -> OutDense:
     """Return a new array (r, n) with the entries of another one."""
     found = table_of(heap, given.shape[0], given.shape[1])
     for i in range(len(given)):

@@ -24,7 +24,6 @@ import numpy as np
 
 from wbc.compiled import OutRow, Row, inner
 from wbc.mechanics.linear import (
-    add_all,
     add_times,
     copy_to,
     dot,
@@ -34,7 +33,7 @@ from wbc.mechanics.linear import (
     solve_inertia,
     update_inertia,
 )
-from wbc.mechanics.memory import copied_row, row_of
+from wbc.mechanics.memory import row_copy, row_of
 from wbc.mechanics.rows import Room, RowSystem, copied, room_for, tangents_at
 
 NEWTON, PROXIMAL, RANGES, PASSIVE, UNSOLVED, SEVERAL = range(6)
@@ -185,7 +184,8 @@ def follow_tangents(system: RowSystem, room: Room, followed: OutRow) -> None:
 def speeds_at(system: RowSystem, impulse: Row, x: OutRow, speed: OutRow) -> None:
     """Write x = ways' impulse (n,), and the speeds (r,) of the rows."""
     x[:] = 0.0
-    add_all(impulse, system.ways, x)
+    for i in range(len(impulse)):
+        add_times(impulse[i], system.ways[i], x)
     for i in range(len(speed)):
         speed[i] = system.free[i] + system.give[i] * impulse[i] + dot(x, system.ways[i])
 
@@ -298,7 +298,7 @@ def proximal(system: RowSystem, start: Row, most: int, impulse: OutRow) -> int:
 
 
 @inner
-def solve_system(system: RowSystem, start: Row, work: float, impulse: OutRow) -> tuple[int, int]:
+def solve_laws(system: RowSystem, start: Row, work: float, impulse: OutRow) -> tuple[int, int]:
     """Write the row impulses (r,) at which every row is on its law.
 
     Where nothing leads to the laws, contacts get half the friction, and so on, and gears that lock
@@ -321,7 +321,7 @@ def solve_system(system: RowSystem, start: Row, work: float, impulse: OutRow) ->
     n, used, good, falls = system.ways.shape[1], 0, 0.0, False
     for i in range(len(system.laws)):
         falls = falls or system.laws[i, 4] < 0.0
-    begin, taken = copied_row(system.heap, start), system.heap.used[0]
+    begin, taken = row_copy(system.heap, start), system.heap.used[0]
     for fresh in range(2 if falls else 1):  # the last step's tangents may lead astray
         if fresh:
             begin[:] = 0.0

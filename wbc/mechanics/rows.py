@@ -24,15 +24,7 @@ import numpy as np
 from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Row, inner, local
 from wbc.mechanics.laws import STIFFNESS, element_meets, flank_meets
 from wbc.mechanics.linear import dot, halfway
-from wbc.mechanics.memory import (
-    Heap,
-    copied_row,
-    copied_table,
-    row_of,
-    table_of,
-    whole_of,
-    zeros_of,
-)
+from wbc.mechanics.memory import Heap, row_copy, row_of, table_copy, table_of, whole_of, zeros_of
 from wbc.structures import WORDS, kept, structured
 
 
@@ -100,7 +92,7 @@ def system_of(
         free: v (n,) without the rows.
         laws, flanks, targets, frictions: see `RowSystem`.
     """
-    size, ways, most, fastest = len(matrix), copied_table(heap, matrix), 0.0, 0.0
+    size, ways, most, fastest = len(matrix), table_copy(heap, matrix), 0.0, 0.0
     own, speed, slope = row_of(heap, size), row_of(heap, size), row_of(heap, size)
     for i in range(size):
         speed[i] = dot(free, matrix[i])
@@ -121,8 +113,7 @@ def system_of(
     system = RowSystem(
         ways, own, speed, give, slope, laws, flanks, targets, frictions, tolerance, heap
     )  # fmt: skip
-    found: RowSystem = kept(whole_of(heap, WORDS), system)
-    return found
+    return kept(whole_of(heap, WORDS), system)
 
 
 @inner
@@ -130,13 +121,12 @@ def copied(system: RowSystem, tolerance: float) -> RowSystem:
     """Return a system of another tolerance; its numbers can be changed, but for `ways`, `own`."""
     heap = system.heap
     other = RowSystem(
-        system.ways, system.own, copied_row(heap, system.free), copied_row(heap, system.give),
-        copied_row(heap, system.slope), copied_table(heap, system.laws),
-        system.flanks, copied_row(heap, system.targets), copied_row(heap, system.frictions),
+        system.ways, system.own, row_copy(heap, system.free), row_copy(heap, system.give),
+        row_copy(heap, system.slope), table_copy(heap, system.laws),
+        system.flanks, row_copy(heap, system.targets), row_copy(heap, system.frictions),
         tolerance, heap,
     )  # fmt: skip
-    found: RowSystem = kept(whole_of(heap, WORDS), other)
-    return found
+    return kept(whole_of(heap, WORDS), other)
 
 
 @structured
@@ -178,8 +168,7 @@ def room_for(system: RowSystem) -> Room:
         table_of(heap, size, 3), known, table_of(heap, n, n),
         whole_of(heap, n), row_of(heap, n), row_of(heap, n),
     )  # fmt: skip
-    found: Room = kept(whole_of(heap, WORDS), room)
-    return found
+    return kept(whole_of(heap, WORDS), room)
 
 
 @inner

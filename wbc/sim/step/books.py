@@ -26,6 +26,7 @@ ENERGY, COARSE, TAKEN_BACK, UNSETTLED, OVERLAP, SUNK = range(6)
 
 _ROUNDING = 1e-8  # of the energy in play: laws hold to 1e-10 of the speeds
 _COARSE = 0.01  # share of the energy in play
+_STOPPED = 1e-9  # share of a rotor's speed that is none
 
 
 @inner
@@ -129,6 +130,51 @@ def book_barriers(plant: Opened, rows: PartRows) -> None:
         books[BOOK.normal] = max(books[BOOK.normal], made)
         mean = 0.5 * (dot(speed, rows.matrix[i]) + dot(plant.end.after, rows.matrix[i]))
         books[BOOK.contact] += max(-push * mean, 0.0)
+
+
+@inner
+def kinetic_of(plant: Opened, v: Row, motor: Row) -> float:
+    """Return the kinetic energy at v (nv,) with motor outputs at (m,), where the memory stands."""
+    energy = rotor_energy(plant.gears, v, motor)
+    for i in range(len(v)):
+        energy += 0.5 * v[i] * dot(v, plant.placed.inertia[i])
+    return energy
+
+
+@inner
+def mesh_loss(gears: Gears, v: Row, after: Row, motor: Row, following: Row, mesh: Row) -> float:
+    """Return the energy lost in the meshes of the rigid gears along the straight path [J].
+
+    It is what the rotors and their coupling to the housings give and the links do not get: with
+    the mesh impulse T and the coupling's C on the rotor, (M (w - w') + C - T) (w + w')/2 per gear.
+    A gear that reverses has a bent path: its rotor gives all it has, of which (1 - eta_f) is lost,
+    then takes new energy E from the mesh, which costs (1/eta_b - 1) E. A self-locking gear that
+    stops carries any more impulse at rest, where it does no work: driving it has lost
+    (1 - eta_f) of the rotor's energy, driven it all of that and 1/|eta_b| times as much again.
+
+    Args:
+        gears: of the plant.
+        v, after: (nv,) before and after.
+        motor, following: (m,) speeds of the motor outputs before and after.
+        mesh: impulses T of the gears, which come first.
+    """
+    total = 0.0
+    for g in range(len(motor)):
+        if gears.yields[g]:
+            continue
+        before, then, half = motor[g], following[g], 0.5 * gears.inertia[g]
+        given, taken = half * before**2, half * then**2
+        net, backward, forward = -mesh[g], gears.backward[g], 1.0 / gears.inverse[g]
+        for j in range(len(v) if len(gears.coupling) else 0):
+            net -= gears.coupling[g, j] * (after[j] - v[j])
+        if backward < 0.0 and abs(then) <= _STOPPED * abs(before):
+            total += given * (1.0 - forward if net * before < 0.0 else 1.0 - 1.0 / backward)
+        elif before * then < 0.0:
+            again = 1.0 / backward if backward > 0.0 else 1.0
+            total += (1.0 - forward) * given + (again - 1.0) * taken
+        else:
+            total += given - taken + 0.5 * net * (before + then)
+    return total
 
 
 @inner
@@ -269,11 +315,8 @@ def find_events(plant: Opened, stages: Dense, flow: Row, told: OutDense) -> int:
     hovers = len(plant.placed.bases) > 0 and len(plant.obstacles.contacts) > 0
     if hovers and gap < -max(TOUCH, depth):
         count = tell(told, count, SUNK, last - 1, -gap, lowest)
-    work, lost, all_of = 0.0, 0.0, flow if len(flow) else plant.now.flow
-    for i in range(BOOK.bent):
-        work += all_of[i]
-    for i in range(BOOK.mesh, BOOK.impact + 1):
-        lost += all_of[i]
+    all_of = flow if len(flow) else plant.now.flow
+    work, lost = np.sum(all_of[: BOOK.bent]), np.sum(all_of[BOOK.mesh :])
     play, gain = most + abs(work) + lost, has - had + all_of[BOOK.bent] + lost - work
     if taken > 0.0 or gain > min(_COARSE * play, MADE * play + lost) + 1e-9:
         kind = TAKEN_BACK if taken > 0.0 else COARSE

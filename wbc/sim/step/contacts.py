@@ -9,7 +9,7 @@ import numpy as np
 from wbc.compiled import Dense, Flags, OutDense, OutRow, Places, Row, ask, compiled, inner, local
 from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at
 from wbc.mechanics.kinematics import FRAME, columns_at, place, placed_at
-from wbc.mechanics.linear import add_cross, add_times, copy_to, dot
+from wbc.mechanics.linear import add_cross, add_times, apart, copy_to, dot
 from wbc.sim.ground import BOX, FIELD, PLANE
 from wbc.sim.step.field import AHEAD, BEND, field_gap, meet_edges, meet_faces, meet_round
 from wbc.sim.step.pairs import FAR, meet
@@ -25,32 +25,26 @@ press opened by up to 5e-7 m, and where the nearest place changed by 3e-3 m."""
 
 @inner
 def box_gap(box: Row, point: Row, normal: OutRow) -> float:
-    """Return the distance of a point (3,) from a box (20,), and write the way out (3,).
+    """Return the distance of a point (3,) from a box (19,), and write the way out (3,).
 
     Outside, the way leads from the nearest face, edge or corner; inside, to the nearest face.
     """
-    nearest, face, away = -np.inf, 0, 0.0
-    way = local(3)
+    nearest, face, sign, way = -np.inf, 0, 1.0, local(3)
     for k in range(3):
         own = 0.0
         for x in range(3):
             own += (point[x] - box[1 + x]) * box[4 + 3 * x + k]
         lower, upper = box[13 + k] - own, own - box[16 + k]
-        beyond = max(lower, upper)
-        sign = 1.0 if upper >= lower else -1.0
-        way[k] = sign * max(beyond, 0.0)
-        away += way[k] * way[k]
-        if beyond > nearest:
-            nearest, face = beyond, k if sign > 0.0 else -1 - k
-    if away > 0.0:
-        nearest = sqrt(away)
-        for k in range(3):
-            way[k] /= nearest
+        way[k] = max(upper, 0.0) - max(lower, 0.0)
+        if max(lower, upper) > nearest:
+            nearest, face, sign = max(lower, upper), k, 1.0 if upper >= lower else -1.0
+    size = sqrt(dot(way, way))
+    if size > 0.0:
+        nearest = size
     else:
-        way[:] = 0.0
-        way[face if face >= 0 else -1 - face] = 1.0 if face >= 0 else -1.0
+        way[face], size = sign, 1.0
     for x in range(3):
-        normal[x] = box[4 + 3 * x] * way[0] + box[5 + 3 * x] * way[1] + box[6 + 3 * x] * way[2]
+        normal[x] = dot(box[4 + 3 * x : 7 + 3 * x], way) / size
     return nearest
 
 
@@ -67,13 +61,9 @@ def solid_gap(solid: Row, point: Row, reach: float, normal: OutRow) -> float:
         return box_gap(solid, point, normal)
     if solid[0] == FIELD:
         return field_gap(solid, point, reach, normal)
-    copy_to(point, normal)
-    add_times(-1.0, solid[1:4], normal)
-    length = sqrt(dot(normal, normal))
-    for k in range(3):
-        normal[k] /= length if length > 0.0 else 1.0
-    if length == 0.0:
-        normal[2] = 1.0
+    length = sqrt(apart(point, solid[1:4]))
+    for k in range(3):  # in the centre up
+        normal[k] = (point[k] - solid[1 + k]) / length if length > 0.0 else float(k // 2)
     return float(length - solid[4])
 
 

@@ -21,21 +21,13 @@ import numpy as np
 from wbc.compiled import Flags, OutRow, Row, Vector, ask, compiled, inner
 from wbc.mechanics.kinematics import moved_along
 from wbc.mechanics.linear import add_times, copy_to, dot
-from wbc.mechanics.memory import copied_row
+from wbc.mechanics.memory import row_copy
 from wbc.mechanics.newton import UNSOLVED
+from wbc.sim.step.books import kinetic_of, mesh_loss
 from wbc.sim.step.contacts import gaps_of, weigh
 from wbc.sim.step.part import LANDED, part_with_mesh
-from wbc.sim.step.part_rows import (
-    NO_INERTIA,
-    WAY,
-    PartRows,
-    motor_speeds,
-    rotor_brings,
-    rotor_energy,
-    rows_where,
-    solve_part,
-)
-from wbc.sim.step.tables import BOOK, LENGTH, RESTITUTION, SLOW, STAGE, TIME, TOUCH, Gears, Opened
+from wbc.sim.step.part_rows import NO_INERTIA, WAY, PartRows, impact_rows, motor_speeds, solve_part
+from wbc.sim.step.tables import BOOK, LENGTH, RESTITUTION, SLOW, STAGE, TIME, TOUCH, Opened
 
 _TRIES = 40
 _SOON = 1e-6  # [s] over which gaps tell their speeds
@@ -109,8 +101,7 @@ def to_landing(plant: Opened, start: Row, whole: tuple[int, float]) -> tuple[int
     near, fall = np.empty(len(q)), np.empty(size)
     moved_along(plant.tree.joints, q, v, _SOON, near)
     gaps_of(plant, near, fall)
-    for i in range(size):
-        fall[i] = late / _SOON * (fall[i] - start[i])
+    fall = late / _SOON * (fall - start)
     for turn in range(_TRIES):
         # Every third try halves, lest one end of the interval never move.
         share = 0.5 if turn % 3 == 2 else first_crossing(gap_early, gap_late, fall, turn == 0)
@@ -127,8 +118,7 @@ def to_landing(plant: Opened, start: Row, whole: tuple[int, float]) -> tuple[int
             copy_to(ahead, gap_late)
     if early > 0.0:
         result = part_with_mesh(plant, early)
-    for i in range(size):
-        plant.end.jumps[i] = gap_late[i] < 0.0
+    plant.end.jumps[:] = gap_late < 0.0
     return result, early
 
 
@@ -147,8 +137,7 @@ def flow_until(plant: Opened, step: float) -> tuple[int, float, bool]:
     """
     now, end, length, short = plant.now, plant.end, step, plant.bounds[SLOW] * step * step
     size, limits = len(now.closed), plant.obstacles.limits
-    for i in range(size):
-        end.kept[i], end.jumps[i] = now.kept[i], False
+    end.kept[:], end.jumps[:] = now.kept, False
     result = part_with_mesh(plant, step)
     if result != LANDED:
         return result, step, False
@@ -164,90 +153,19 @@ def flow_until(plant: Opened, step: float) -> tuple[int, float, bool]:
             result, length = to_landing(plant, start, (result, step))
             if length > 0.0:
                 return result, length, True
-        for i in range(size):
-            end.kept[i], end.jumps[i] = end.kept[i] or end.jumps[i], False
+        end.kept[:] |= end.jumps
+        end.jumps[:] = False
         result = part_with_mesh(plant, step)
     return result, step, True
 
 
-APART, RESTING, HIT = range(3)
-"""Nothing is reached; reached without speed; an impact."""
 _SLOW = 1e-9
-_STOPPED = 1e-9
 _ROUNDING = 1e-9
 _SHARES = 5
 """Shares of the restitution tried between none and all; the loss is quadratic in the share while
 rows keep to their pieces, so that false position meets it soon."""
 _SHARE_OF_WORK = 0.1
 """Of what a step may do, for an impact with restitution: there is another without."""
-
-
-@inner
-def kinetic_of(plant: Opened, v: Row, motor: Row) -> float:
-    """Return the kinetic energy at v (nv,) with motor outputs at (m,), where the memory stands."""
-    energy = rotor_energy(plant.gears, v, motor)
-    for i in range(len(v)):
-        energy += 0.5 * v[i] * dot(v, plant.placed.inertia[i])
-    return energy
-
-
-@inner
-def mesh_loss(gears: Gears, v: Row, after: Row, motor: Row, following: Row, mesh: Row) -> float:
-    """Return the energy lost in the meshes of the rigid gears along the straight path [J].
-
-    It is what the rotors and their coupling to the housings give and the links do not get: with
-    the mesh impulse T and the coupling's C on the rotor, (M (w - w') + C - T) (w + w')/2 per gear.
-    A gear that reverses has a bent path: its rotor gives all it has, of which (1 - eta_f) is lost,
-    then takes new energy E from the mesh, which costs (1/eta_b - 1) E. A self-locking gear that
-    stops carries any more impulse at rest, where it does no work: driving it has lost
-    (1 - eta_f) of the rotor's energy, driven it all of that and 1/|eta_b| times as much again.
-
-    Args:
-        gears: of the plant.
-        v, after: (nv,) before and after.
-        motor, following: (m,) speeds of the motor outputs before and after.
-        mesh: impulses T of the gears, which come first.
-    """
-    total = 0.0
-    for g in range(len(motor)):
-        if gears.yields[g]:
-            continue
-        before, then, half = motor[g], following[g], 0.5 * gears.inertia[g]
-        given, taken = half * before**2, half * then**2
-        net, backward, forward = -mesh[g], gears.backward[g], 1.0 / gears.inverse[g]
-        for j in range(len(v) if len(gears.coupling) else 0):
-            net -= gears.coupling[g, j] * (after[j] - v[j])
-        if backward < 0.0 and abs(then) <= _STOPPED * abs(before):
-            total += given * (1.0 - forward if net * before < 0.0 else 1.0 - 1.0 / backward)
-        elif before * then < 0.0:
-            again = 1.0 / backward if backward > 0.0 else 1.0
-            total += (1.0 - forward) * given + (again - 1.0) * taken
-        else:
-            total += given - taken + 0.5 * net * (before + then)
-    return total
-
-
-@inner
-def impact_rows(plant: Opened, together: Flags) -> PartRows:
-    """Return the rows of an impact of some barriers (2 j + c,), where the memory stands.
-
-    Without motor impulse each gear presents eta_f N^2 I_r while its speed falls towards zero and
-    N^2 I_r / eta_b while it grows, from its speed before on, see `rotor_brings`. Coulomb levels
-    and springs are forces and give no impulse: loose gears pass none. Self-locking gears go on from
-    what they carried before. The targets are still to be written.
-    """
-    gears, rows = plant.gears, rows_where(plant, together, 0, 0.0)
-    for i in range(len(rows.laws)):
-        law = rows.laws[i]
-        if gears.yields[i]:
-            law[2] = law[3] = law[4] = 1.0
-            continue
-        law[2], law[3], law[4] = gears.inertia[i], gears.inverse[i], gears.backward[i]
-        law[7] = np.inf
-        rotor_brings(gears, i, law[2] * rows.motor[i], law)
-        if law[4] < 0.0:
-            rows.start[i] = plant.now.impulse[i]
-    return rows
 
 
 @inner
@@ -290,7 +208,7 @@ def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> 
 
 
 @inner
-def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
+def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> bool:
     """Write the impact on barriers that have just been reached into `plant.end`, see `settle`.
 
     Args:
@@ -299,30 +217,30 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
         left, goes_on: see `settle`.
 
     Returns:
-        APART, RESTING or HIT; of these only HIT writes speeds and impulses. It failed where
-        work[WAY] is UNSOLVED or more; found[BOOK.share] is zero where nothing springs back.
+        whether there is one: something is reached, and with speed. It failed where work[WAY] is
+        UNSOLVED or more; found[BOOK.share] is zero where nothing springs back.
     """
     end, gravity, before, v = plant.end, plant.tree.gravity, plant.now.closed, plant.now.velocity
     gears, found = plant.gears, end.books
     found[:] = 0.0
     if not reaches(plant, goes_on):
-        return APART
+        return False
     weigh(plant)
-    rows = impact_rows(plant, end.closed)
+    rows = impact_rows(plant)
     if not rows.lower[0, 0] > 0.0:
         end.work[WAY] = NO_INERTIA
-        return HIT
+        return True
     if not impact_targets(plant, share, left, rows):
         for i in range(len(before)):
             end.closed[i] = before[i] or end.fresh[i]
-        return RESTING
+        return False
     found[BOOK.kinetic] = kinetic_of(plant, v, rows.motor)
     work = 1.0 if found[BOOK.share] == 0.0 else _SHARE_OF_WORK
     way = solve_part(plant, rows, v, work)
     copy_to(rows.impulse[: len(gears.rows)], end.mesh_impulse)
     if way >= UNSOLVED:
-        return HIT
-    following = copied_row(plant.heap, rows.motor)
+        return True
+    following = row_copy(plant.heap, rows.motor)
     motor_speeds(gears, end.after, rows.motor, following)
     found[BOOK.impact_mesh] = mesh_loss(gears, v, end.after, rows.motor, following, rows.impulse)
     found[BOOK.impact] = (
@@ -334,7 +252,7 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
         i, speed = rows.held[row], rows.speed[len(rows.laws) + row]
         parts = speed > max(TOUCH, slow)
         end.closed[i] = (before[i] or end.fresh[i]) and not parts
-    return HIT
+    return True
 
 
 @inner
@@ -344,7 +262,7 @@ def lost_by(plant: Opened) -> float:
 
 
 @inner
-def settle(plant: Opened, left: float, goes_on: bool) -> int:
+def settle(plant: Opened, left: float, goes_on: bool) -> bool:
     """Take the impact on barriers that have just been reached, into `plant.end`.
 
     A barrier counts as reached where its gap is closed and the state does not know it to be. After
@@ -363,15 +281,15 @@ def settle(plant: Opened, left: float, goes_on: bool) -> int:
         goes_on: whether there is a rest of the step, of which the kept barriers are rows.
 
     Returns:
-        APART, RESTING or HIT, see `impact_at`.
+        whether there is one, see `impact_at`.
     """
     found, high, low = plant.end.books, 1.0, 0.0
     if plant.forces.asked != 0:
         ask(plant.forces.asked)
-    kind = impact_at(plant, 1.0, left, goes_on)
+    hit = impact_at(plant, 1.0, left, goes_on)
     lost_high = lost_by(plant)
-    if kind != HIT or found[BOOK.share] == 0.0 or lost_high >= -_ROUNDING * found[BOOK.kinetic]:
-        return kind
+    if not hit or found[BOOK.share] == 0.0 or lost_high >= -_ROUNDING * found[BOOK.kinetic]:
+        return hit
     impact_at(plant, 0.0, left, goes_on)
     lost_low = lost_by(plant)
     for _ in range(_SHARES if lost_low == lost_low else 0):
@@ -386,7 +304,7 @@ def settle(plant: Opened, left: float, goes_on: bool) -> int:
         else:
             high, lost_high = share, lost
     impact_at(plant, low, left, goes_on)
-    return kind
+    return True
 
 
 NO_COMMAND, PART_FAILED, IMPACT_FAILED = 1, 10, 20
@@ -394,13 +312,6 @@ NO_COMMAND, PART_FAILED, IMPACT_FAILED = 1, 10, 20
 
 _OVER = 1e-9
 """Share of a step that is none."""
-
-
-@inner
-def read(given: Vector, copied: OutRow) -> None:
-    """Write the entries of a vector with any stride."""
-    for i in range(len(given)):
-        copied[i] = given[i]
 
 
 @inner
@@ -425,8 +336,7 @@ def meet(plant: Opened, left: float, goes_on: bool) -> int:
     """
     now, end = plant.now, plant.end
     now.numbers[LENGTH] = 0.0
-    kind = settle(plant, left, goes_on)
-    if kind == HIT:
+    if settle(plant, left, goes_on):
         if end.work[WAY] >= UNSOLVED:
             return IMPACT_FAILED + int(end.work[WAY])
         note(plant, True)
@@ -506,9 +416,8 @@ def take_step(
     known = len(closed) == len(now.closed)
     now.deflection[:], now.flow[:] = 0.0, 0.0
     now.numbers[STAGE] = 0.0
-    read(q, now.position)
-    read(v, now.velocity)
-    read(deflection, now.deflection)
+    now.position[:], now.velocity[:] = q, v
+    now.deflection[: len(deflection)] = deflection
     if len(impulse) == len(now.impulse):
         copy_to(impulse, now.impulse)
     else:

@@ -113,8 +113,7 @@ def corner_gap(
             for f in range(len(planes)):
                 over = over and beyond(planes[f], found[3:]) <= _INSIDE
             if over:
-                gap = best - radius
-                return gap
+                return best - radius
         if radius == 0.0:
             return FAR
         edges, least, spot = bodies.edges[hull[6] : hull[6] + hull[7]], np.inf, local(3)
@@ -245,10 +244,9 @@ def meet(bodies: Bodies, poses: Dense, pair: int, touch: OutDense) -> None:
     for i in range(other[3]):
         placed_at(back, bodies.corners[other[2] + i], theirs[i])
     for f in range(one[7]):
-        for k in range(0, 12, 3):
-            turned(seen, bodies.edges[one[6] + f, k : k + 3], edges[f, k : k + 3])
-        for k in range(6):
-            edges[f, k] += seen[9 + k % 3]
+        for k in range(0, 6, 3):
+            placed_at(seen, bodies.edges[one[6] + f, k : k + 3], edges[f, k : k + 3])
+            turned(seen, bodies.edges[one[6] + f, 6 + k : 9 + k], edges[f, 6 + k : 9 + k])
     if round_a + round_b == 0.0:
         # No barrier lies deeper than the hulls do: what does has its features on a far side.
         away = max(beyond_faces(bodies, a, theirs), beyond_faces(bodies, b, corners))
@@ -270,8 +268,6 @@ def meet(bodies: Bodies, poses: Dense, pair: int, touch: OutDense) -> None:
         gap = corner_gap(bodies, a, theirs, i, round_b, False, deepest, size, found)
         if deepest <= gap < size:
             write_touch(first, gap, found, -1.0, touch[slot])
-            if doubled(touch, slot):
-                touch[slot, 0] = FAR
         slot += 1
     for f in range(one[7]):
         edge = edges[f]
@@ -284,6 +280,6 @@ def meet(bodies: Bodies, poses: Dense, pair: int, touch: OutDense) -> None:
             at = slot + 2 * e + (1 if side < 0.0 else 0)
             if deepest <= gap < min(size, touch[at, 0]):
                 write_touch(second, gap, found, 1.0, touch[at])
-    for i in range(slot, len(touch)):
+    for i in range(one[3] if whole else 0, len(touch)):
         if touch[i, 0] < FAR and doubled(touch, i):
             touch[i, 0] = FAR

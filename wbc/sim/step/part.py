@@ -30,16 +30,8 @@ from wbc.compiled import Dense, OutRow, Places, Row, ask, compiled, inner, local
 from wbc.mechanics.inertia import momentum_at, velocity_at
 from wbc.mechanics.kinematics import JOINT, PLACES, ROWS, moved_along, placed_at
 from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, rest_of_way
-from wbc.mechanics.memory import (
-    copied_row,
-    copied_table,
-    reserve,
-    row_of,
-    table_of,
-    whole_of,
-    zeros_of,
-)
-from wbc.mechanics.newton import UNSOLVED, solve_system, speeds_at
+from wbc.mechanics.memory import reserve, row_copy, row_of, table_copy, table_of, whole_of, zeros_of
+from wbc.mechanics.newton import UNSOLVED, solve_laws, speeds_at
 from wbc.mechanics.rows import system_of
 from wbc.sim.step.books import MADE, books_of, survey
 from wbc.sim.step.contacts import (
@@ -230,7 +222,7 @@ def shift_of(
         system = system_of(heap, rows, lower, still, none, none, targets, still[:0])
         for i in range(size):
             system.give[i] = (_HAIR if i < count else _SOFT) * system.own[i]
-        good = solve_system(system, start, 1.0, push)[1] < UNSOLVED
+        good = solve_laws(system, start, 1.0, push)[1] < UNSOLVED
         speeds_at(system, push, shift, targets)
         rest_of_way(lower, shift)
     heap.used[0] = taken
@@ -252,10 +244,10 @@ def take_back(plant: Opened, rows: PartRows, pressed: Places, furthest: float) -
     """
     q, gap, gears, heap = plant.end.position, plant.end.gap, plant.gears, plant.heap
     held, n, off, first = rows.held, rows.matrix.shape[1], np.inf, len(rows.laws)
-    count, metric = len(held), copied_table(heap, plant.placed.inertia)
+    count, metric = len(held), table_copy(heap, plant.placed.inertia)
     matrix = rows.matrix[first : first + count]
     aim, missing, shift = row_of(heap, count), row_of(heap, count), row_of(heap, n)
-    last, gap_last = copied_row(heap, q), copied_row(heap, gap)
+    last, gap_last = row_copy(heap, q), row_copy(heap, gap)
     for g in range(len(gears.rows)):
         turning = gears.rows[g]
         for i in range(0 if gears.yields[g] else n):
@@ -320,17 +312,13 @@ def arrive(plant: Opened, rows: PartRows, pushes: Row) -> None:
 @inner
 def keep(plant: Opened, rows: PartRows) -> None:
     """Write the impulses after which a part ends, and how the motors move then."""
-    end, half = plant.end, 0.5 * rows.step
+    end = plant.end
     end.impulse[:] = 0.0
     for i in range(len(rows.impulse)):
         end.impulse[rows.places[i]] = rows.impulse[i]
     for i in range(len(rows.motor)):
         end.motor_speed[i] = rows.speed[i] + rows.end[i]
         end.mesh_impulse[i] = rows.impulse[i] + np.sign(end.motor_speed[i]) * rows.laws[i, 5]
-        end.deflection[i] = 0.0
-        if plant.gears.yields[i]:
-            moved = half * (rows.relative[i] + rows.end[i])
-            end.deflection[i] = plant.now.deflection[i] + moved
 
 
 @inner
@@ -365,8 +353,7 @@ def stored_in_end(plant: Opened, v: Row) -> float:
 @compiled(inside=True)
 def slowed(plant: Opened, fast: Row, share: float, v: OutRow) -> float:
     """Write v (nv,) with a share of the joints' speeds, and the momentum; return what is stored."""
-    for i in range(len(v)):
-        v[i] = share * fast[i]
+    v[:] = share * fast
     set_momentum(plant, v)
     return stored_in_end(plant, v)
 
@@ -398,8 +385,7 @@ def keep_passive(plant: Opened) -> None:
     given[:] = 0.0
     rest = stored_in_end(plant, given)
     share = sqrt((most - rest) / (none - rest)) if rest < most else 0.0
-    for i in range(len(v)):
-        v[i] *= share
+    v[:] *= share
     books[BOOK.taken] = has - rest - share * share * (none - rest)
 
 
@@ -417,7 +403,7 @@ def part_of_step(plant: Opened, step: float) -> int:
     Returns:
         SMOOTH or LANDED; ten and more where it failed, ten beyond what `solve_part` says.
     """
-    end = plant.end
+    end, gears = plant.end, plant.gears
     to_middle(plant, 0.5 * step)
     plant.now.numbers[LENGTH] = step
     if plant.forces.asked != 0:
@@ -439,9 +425,11 @@ def part_of_step(plant: Opened, step: float) -> int:
     arrive(plant, rows, pressed)
     if not np.isfinite(np.sum(end.velocity)):  # it blew up on the way
         return 10 + NO_INERTIA
-    for i in range(len(end.motor_speed) if plant.gears.loose else 0):
-        if plant.gears.yields[i]:  # motors stay where they are
-            end.deflection[i] -= dot(end.moved, plant.gears.rows[i])
+    for i in range(len(end.deflection)):
+        end.deflection[i] = 0.0
+        if gears.yields[i]:  # motors stay where they are while the robot is moved out of overlaps
+            turned = 0.5 * step * (rows.relative[i] + rows.end[i]) - dot(end.moved, gears.rows[i])
+            end.deflection[i] = plant.now.deflection[i] + turned
     if not 0.5 * step * turns <= _TURN:
         keep_passive(plant)
     return hold_or_land(plant, rows.held, pressed)
@@ -459,21 +447,17 @@ def part_with_mesh(plant: Opened, step: float) -> int:
     result = part_of_step(plant, step)
     if len(taken) == 0 or result >= 10:
         return result
-    miss, change, slope = np.zeros(len(taken)), np.zeros(len(taken)), np.zeros(len(taken))
-    for i in range(len(taken)):
-        taken[i] = mesh[i] / step
+    miss = change = slope = np.zeros(len(taken))
+    taken[:] = mesh / step
     for _ in range(_MESH_ROUNDS):
-        result, met = part_of_step(plant, step), True
-        for i in range(len(taken)):
-            carried, last = mesh[i] / step, miss[i]
-            miss[i] = carried - taken[i]
-            met = met and abs(miss[i]) <= _MESH_TOLERANCE * (1.0 + abs(carried))
-            if change[i] != 0.0:
-                slope[i] = min(max(1.0 + (miss[i] - last) / change[i], _LEAST_SLOPE), _MOST_SLOPE)
-            change[i] = miss[i] / (1.0 - slope[i])
-        if met or result >= 10:
+        result, last, carried = part_of_step(plant, step), miss, mesh / step
+        miss = carried - taken
+        if result >= 10 or np.all(np.abs(miss) <= _MESH_TOLERANCE * (1.0 + np.abs(carried))):
             break
-        add_times(1.0, change, taken)
+        secant = np.minimum(np.maximum(1.0 + (miss - last) / change, _LEAST_SLOPE), _MOST_SLOPE)
+        slope = np.where(change == 0.0, slope, secant)
+        change = miss / (1.0 - slope)
+        taken[:] += change
     return result
 
 
@@ -486,31 +470,24 @@ def lift(plant: Opened, stiff: Row, q: OutRow) -> bool:
         stiff: (nv,) ones for coordinates that keep still where others can do it.
         q: to change.
     """
-    n, size = len(stiff), len(plant.now.closed)
-    here, start, shift, last = np.empty(size), q.copy(), np.empty(n), np.empty(len(q))
+    n, start, here = len(stiff), q.copy(), np.empty(len(plant.now.closed))
+    shift = np.empty(n)
     for _ in range(_TRIES):
         gaps_of(plant, q, here)
-        near, count, touching, deepest = np.empty(size, dtype=np.int64), 0, 0, 0.0
-        for i in range(size):
-            deepest = min(deepest, here[i])
-            if here[i] < NEAR:
-                near[count], count = i, count + 1
-                touching += i >= plant.obstacles.limits
-        if deepest >= -0.5 * TOUCH:
+        if not np.any(here < -0.5 * TOUCH):
             return True
+        near = np.flatnonzero(here < NEAR)
+        count, touching = len(near), np.sum(near >= plant.obstacles.limits)
         weigh(plant)
         matrix, axes = np.empty((count + 2 * touching, n)), np.empty((touching * 3, 3))
-        barrier_rows(plant, near[:count], 0, matrix, axes)
+        barrier_rows(plant, near, 0, matrix, axes)
         metric, most = plant.placed.inertia.copy(), np.max(plant.placed.inertia)
         for i in range(n):
             metric[i, i] += 1e6 * most * stiff[i]
-        copy_to(q, last)
-        free, missing = np.zeros(count, dtype=np.int64), np.empty(count)
-        for row in range(count):
-            missing[row] = min(-here[near[row]], NEAR)
+        free, missing = np.zeros(count, dtype=np.int64), np.minimum(-here[near], NEAR)
         reserve(plant.heap, (2 * count + n) * (2 * n + 150))
         if not shift_of(plant, metric, matrix[:count], free, missing, shift):
             break
-        moved_along(plant.tree.joints, last, shift, 1.0, q)
-    copy_to(start, q)
+        moved_along(plant.tree.joints, q.copy(), shift, 1.0, q)
+    q[:] = start
     return False

@@ -15,33 +15,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.compiled import Dense, Flags, OutDense, OutPlaces, OutRow, Row, inner
+from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Row, inner
 from wbc.effects.tables import fill_delivered, fill_joint_torques, near_rest
 from wbc.mechanics.inertia import move_bodies, part_on_joints
 from wbc.mechanics.kinematics import JOINT
-from wbc.mechanics.laws import (
-    DAMPING,
-    END,
-    HALF,
-    LATE,
-    LATE_DAMPING,
-    PLACE,
-    RATE,
-    STEP,
-    STIFFNESS,
-    own_speed,
-)
+from wbc.mechanics.laws import DAMPING, END, STIFFNESS, begin_flank, own_speed
 from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, rest_of_way, solve_inertia
-from wbc.mechanics.memory import (
-    copied_row,
-    copied_table,
-    reserve,
-    row_of,
-    table_of,
-    whole_of,
-    zeros_of,
-)
-from wbc.mechanics.newton import PASSIVE, SEVERAL, UNSOLVED, residual, solve_system, speeds_at
+from wbc.mechanics.memory import reserve, row_copy, row_of, table_copy, table_of, whole_of, zeros_of
+from wbc.mechanics.newton import PASSIVE, SEVERAL, UNSOLVED, residual, solve_laws, speeds_at
 from wbc.mechanics.rows import RowSystem, system_of
 from wbc.sim.step.contacts import barrier_rows, gaps_at, lowest_speeds
 from wbc.sim.step.self_locking import solve_rows
@@ -185,13 +166,13 @@ def free_velocity(plant: Opened, rows: PartRows) -> None:
 
 
 @inner
-def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartRows:
+def rows_where(plant: Opened, rubbing: int, step: float) -> PartRows:
     """Return rows where the memory stands: their directions, and how the motors move before.
 
     Laws, targets and speeds are still to be written, and the rows of `rubbing` coordinates.
     `lower[0, 0]` is no number where H_l is not positive.
     """
-    gears, obstacles, v = plant.gears, plant.obstacles, plant.now.velocity
+    gears, obstacles, v, closed = plant.gears, plant.obstacles, plant.now.velocity, plant.end.closed
     n, m, limits = len(v), len(gears.rows), obstacles.limits
     both, touching, heap = 0, 0, plant.heap
     for i in range(len(closed)):
@@ -203,12 +184,12 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
     reserve(heap, (total + n) * (2 * n + 150) + 100 * count + 20 * WORDS)
     found = PartRows(
         table_of(heap, total, n), table_of(heap, n, n), table_of(heap, elements, 9),
-        zeros_of(heap, both), row_of(heap, touching), copied_row(heap, v),
+        zeros_of(heap, both), row_of(heap, touching), row_copy(heap, v),
         table_of(heap, touching * 3, 3), whole_of(heap, both), whole_of(heap, total),
         row_of(heap, m), zeros_of(heap, m), table_of(heap, elements + touching if yields else 0, 9),
         zeros_of(heap, total), zeros_of(heap, total), row_of(heap, total), zeros_of(heap, m), step,
     )  # fmt: skip
-    rows: PartRows = kept(whole_of(heap, WORDS), found)
+    rows = kept(whole_of(heap, WORDS), found)
     rows.laws[:], row = 0.0, 0
     for i in range(len(closed)):
         if closed[i]:
@@ -235,8 +216,7 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
 def flanks_of(plant: Opened, rows: PartRows) -> None:
     """Write the flanks of loose gears and of compliant contacts, see `RowSystem`.
 
-    Springs of gears take the chord of their energy (theta 1/2), dampers the final speed
-    (theta_c 1). A search begins where the contacts are deepest.
+    A search begins where the contacts are deepest.
     """
     gears, flanks, step = plant.gears, rows.flanks, rows.step
     elements, limits = len(rows.laws), len(rows.targets) - len(rows.frictions)
@@ -244,15 +224,14 @@ def flanks_of(plant: Opened, rows: PartRows) -> None:
     flanks[:, STIFFNESS] = np.inf
     for i in range(len(flanks)):
         own, row = flanks[i], limits + i
-        own[STEP], own[LATE], own[LATE_DAMPING] = step, 0.5, 1.0
         if i < len(gears.rows) and gears.yields[i]:
             own[STIFFNESS], own[DAMPING] = gears.stiffness[i], gears.damping[i]
-            own[HALF], own[PLACE] = 0.5 * gears.play[i], plant.now.deflection[i]
-            own[RATE] = own[END] = rows.relative[i]
+            begin_flank(own, 0.5 * gears.play[i], plant.now.deflection[i], rows.relative[i], step)
         elif i >= elements and plant.bounds[HERTZ] > 0.0:
             own[STIFFNESS], own[DAMPING] = plant.bounds[HERTZ], plant.bounds[DISSIPATION]
-            own[HALF], own[RATE] = -1.0, -dot(plant.end.speed, rows.matrix[row])
-            own[PLACE] = -plant.end.gap[rows.held[row - elements]] - 0.5 * step * own[RATE]
+            rate = -dot(plant.end.speed, rows.matrix[row])
+            deep = -plant.end.gap[rows.held[row - elements]] - 0.5 * step * rate
+            begin_flank(own, -1.0, deep, rate, step)
             own[END] = -dot(rows.free, rows.matrix[row])
 
 
@@ -286,7 +265,7 @@ def rows_of(plant: Opened, step: float) -> PartRows:
         gaps_at(plant, end.before, before[:0] if soft else end.closed, end.gap)
     for i in range(plant.obstacles.limits, len(before) if soft else 0):
         end.closed[i] = end.gap[i] < 0.5 * step * _FASTEST
-    rows = rows_where(plant, end.closed, rubbing, step)
+    rows = rows_where(plant, rubbing, step)
     free_velocity(plant, rows)
     gear_laws(plant, rows.motor, step, rows.laws)
     for c in range(len(dry) if rubbing else 0):
@@ -299,6 +278,29 @@ def rows_of(plant: Opened, step: float) -> PartRows:
         flanks_of(plant, rows)
     for i in range(len(rows.start)):
         rows.start[i] = plant.now.impulse[rows.places[i]]
+    return rows
+
+
+@inner
+def impact_rows(plant: Opened) -> PartRows:
+    """Return the rows of an impact of the barriers that take part, where the memory stands.
+
+    Without motor impulse each gear presents eta_f N^2 I_r while its speed falls towards zero and
+    N^2 I_r / eta_b while it grows, from its speed before on, see `rotor_brings`. Coulomb levels
+    and springs are forces and give no impulse: loose gears pass none. Self-locking gears go on from
+    what they carried before. The targets are still to be written.
+    """
+    gears, rows = plant.gears, rows_where(plant, 0, 0.0)
+    for i in range(len(rows.laws)):
+        law = rows.laws[i]
+        if gears.yields[i]:
+            law[2] = law[3] = law[4] = 1.0
+            continue
+        law[2], law[3], law[4] = gears.inertia[i], gears.inverse[i], gears.backward[i]
+        law[7] = np.inf
+        rotor_brings(gears, i, law[2] * rows.motor[i], law)
+        if law[4] < 0.0:
+            rows.start[i] = plant.now.impulse[i]
     return rows
 
 
@@ -323,13 +325,7 @@ def world_pushes(plant: Opened, rows: PartRows) -> None:
 
 @inner
 def lag_coupling(
-    plant: Opened,
-    rows: PartRows,
-    system: RowSystem,
-    speed: Row,
-    last: Row,
-    laws: Dense,
-    shifted: OutRow,
+    gears: Gears, rows: PartRows, system: RowSystem, v: Row, last: Row, laws: Dense, shifted: OutRow
 ) -> None:
     """Put the inertial coupling of rotors and housings at a last iterate into the rows.
 
@@ -339,22 +335,22 @@ def lag_coupling(
     in link inertia.
 
     Args:
-        plant: with `coupling` and `gyration`.
+        gears: with `coupling` and `gyration`.
         rows: of the part.
         system: of the rows, whose free speeds are changed.
-        speed: v (nv,) before.
+        v: (nv,) before.
         last: v (nv,) of the last iterate.
         laws: (m, 9) without coupling, over a step; those of the system are changed.
         shifted: v (nv,) without the rows, to write.
     """
-    gears, n, m, step = plant.gears, len(speed), len(plant.gears.rows), rows.step
+    n, m, step = len(v), len(gears.rows), rows.step
     for c in range(n):
         shifted[c] = -step * gears.gyration[0, c]
     for i in range(m):
         turned, taken = 0.0, step * gears.gyration[0, n + i]
         for c in range(n):
-            turned += gears.rows[i, c] * (last[c] - speed[c])
-            taken += gears.coupling[i, c] * (last[c] - speed[c])
+            turned += gears.rows[i, c] * (last[c] - v[c])
+            taken += gears.coupling[i, c] * (last[c] - v[c])
         add_times(-turned, gears.coupling[i], shifted)
         if step > 0.0:
             system.laws[i, 0], system.laws[i, 1] = laws[i, 0] - taken, laws[i, 1] - taken
@@ -385,7 +381,7 @@ def solve_part(plant: Opened, rows: PartRows, speed: Row, work: float) -> int:
         plant: what moves; `after`, `pushes` and `work` of its end are written.
         rows: of the part; laws and free velocity are those of the solution afterwards.
         speed: v (nv,) before.
-        work: share of what `solve_system` may do in an impact.
+        work: share of what `solve_laws` may do in an impact.
 
     Returns:
         what found it; UNSOLVED or more where nothing did.
@@ -396,18 +392,18 @@ def solve_part(plant: Opened, rows: PartRows, speed: Row, work: float) -> int:
         heap, rows.matrix, rows.lower, rows.free, rows.laws, rows.flanks, rows.targets,
         rows.frictions,
     )  # fmt: skip
-    laws, last, shifted = system.laws, copied_row(heap, speed), rows.free
+    laws, last, shifted = system.laws, row_copy(heap, speed), rows.free
     used, way, missed = 0, 0, 0.0
     impulse, after, work_of = rows.impulse, plant.end.after, plant.end.work
     if coupled:
-        laws, shifted = copied_table(heap, laws), copied_row(heap, rows.free)
+        laws, shifted = table_copy(heap, laws), row_copy(heap, rows.free)
     begun = heap.used[0]
     for _ in range(_ROUNDS if coupled else 1):
         heap.used[0] = begun
         if coupled:
-            lag_coupling(plant, rows, system, speed, last, laws, shifted)
+            lag_coupling(gears, rows, system, speed, last, laws, shifted)
         if coupled or gears.loose:
-            more, way = solve_system(system, rows.start, work, impulse)
+            more, way = solve_laws(system, rows.start, work, impulse)
         else:
             more, way = solve_rows(system, rows.start, work, impulse)
         used += more

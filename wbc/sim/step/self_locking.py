@@ -24,15 +24,8 @@ import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, compiled, inner
 from wbc.mechanics.linear import copy_to, dot, factor_inertia, products
-from wbc.mechanics.newton import (
-    RANGES,
-    SEVERAL,
-    newton,
-    proximal,
-    residual,
-    solve_system,
-    speeds_at,
-)
+from wbc.mechanics.memory import whole_of
+from wbc.mechanics.newton import RANGES, SEVERAL, newton, proximal, residual, solve_laws, speeds_at
 from wbc.mechanics.rows import RowSystem, copied
 
 _SLOWEST = 1e-9
@@ -48,26 +41,20 @@ steps (tests/sim/step), and jacks and legs on light rotors, have the same soluti
 _HIGH, _FALL, _LOW = range(3)
 
 
-@inner
-def falls(law: Row) -> bool:
-    """Return whether a rigid row (9,) has a falling branch, see `RowSystem`.
-
-    The branch of a gear that brings the impulse up runs from w = up/M down to rest.
-    """
-    fast = max(law[0], -law[1]) > _SLOWEST * law[2]
-    return bool(law[4] < 0.0 and law[7] == np.inf and fast)
-
-
 @compiled(inside=True)
 def undecided_rows(system: RowSystem) -> OutPlaces:
     """Return the falling rows (f,) if the step may have several solutions; none where it has one.
 
-    Any other row may be rigid in another solution (a gear that sticks, a point that holds): the
-    compliance of the falling rows counts with all of them held, but for a billionth of their own.
+    A rigid row falls where the gear locks itself and brings an impulse along: from w = up/M down to
+    rest. Any other row may be rigid in another solution (a gear that sticks, a point that holds):
+    the compliance of the falling rows counts with all of them held, but for a billionth of their
+    own.
     """
-    size, count, rows = len(system.free), 0, np.empty(len(system.laws), dtype=np.int64)
-    for i in range(len(system.laws)):
-        if falls(system.laws[i]):
+    size, count, rows = len(system.free), 0, whole_of(system.heap, len(system.laws))
+    for i in range(len(rows)):
+        law = system.laws[i]
+        fast = max(law[0], -law[1]) > _SLOWEST * law[2]
+        if law[4] < 0.0 and law[7] == np.inf and fast:
             rows[count], count = i, count + 1
     if count == 0:
         return rows[:0]
@@ -123,11 +110,8 @@ def is_new(system: RowSystem, impulse: Row, found: Dense) -> bool:
     x, speed, other = np.empty(system.ways.shape[1]), np.empty(len(impulse)), np.empty(len(impulse))
     speeds_at(system, impulse, x, speed)
     for s in range(len(found)):
-        apart = 0.0
         speeds_at(system, found[s], x, other)
-        for i in range(len(impulse)):
-            apart = max(apart, abs(speed[i] - other[i]))
-        if apart <= _APART * system.tolerance:
+        if np.max(np.abs(speed - other)) <= _APART * system.tolerance:
             return False
     return True
 
@@ -187,25 +171,16 @@ def solve_in_ranges(
 
 
 @compiled(inside=True)
-def solve_by_ranges(system: RowSystem, start: Row, work: float, impulse: OutRow) -> tuple[int, int]:
-    """Do what `solve_rows` does where some laws fall."""
+def solve_rows(system: RowSystem, start: Row, work: float, impulse: OutRow) -> tuple[int, int]:
+    """Write the row impulses (r,) as `solve_laws` does, those of self-locking gears by ranges.
+
+    Returns:
+        what `solve_laws` does, or RANGES, or SEVERAL where they are refused.
+    """
     rows = undecided_rows(system)
     if len(rows) == 0:
-        return solve_system(system, start, work, impulse)
+        return solve_laws(system, start, work, impulse)
     found = np.empty((2, len(start)))
     used, count = solve_in_ranges(system, rows, start, found)
     copy_to(found[0], impulse)
     return used, RANGES if count == 1 or (count and dot(start, start) > 0.0) else SEVERAL
-
-
-@inner
-def solve_rows(system: RowSystem, start: Row, work: float, impulse: OutRow) -> tuple[int, int]:
-    """Write the row impulses (r,) as `solve_system` does, those of self-locking gears by ranges.
-
-    Returns:
-        what `solve_system` does, or RANGES, or SEVERAL where they are refused.
-    """
-    for i in range(len(system.laws)):
-        if falls(system.laws[i]):
-            return solve_by_ranges(system, start, work, impulse)
-    return solve_system(system, start, work, impulse)

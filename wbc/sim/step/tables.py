@@ -49,11 +49,8 @@ class SimState(NamedTuple):
 
     def replace(self, **changes: Any) -> SimState:
         """Return a copy with some fields changed; lists are as good as arrays."""
-        given: dict[str, Any] = {
-            name: np.asarray(value) if isinstance(value, list) else value
-            for name, value in changes.items()
-        }
-        return self._replace(**given)
+        lists = {name: np.asarray(own) for name, own in changes.items() if isinstance(own, list)}
+        return self._replace(**(changes | lists))
 
 
 TOUCH = 1e-6
