@@ -46,10 +46,9 @@ class Barriers:
         """
         model = robot.model
         low, high = _finite(model.lowerPositionLimit), _finite(model.upperPositionLimit)
-        joints = [(name, model.joints[model.getJointId(name)]) for name in driven_joints(model)]
         finite = np.isfinite(low) | np.isfinite(high)
-        single = [(name, joint) for name, joint in joints if finite[joint.idx_q]]
-        at = [(joint.idx_q, joint.idx_v) for _, joint in single]
+        single = [n for n in driven_joints(model) if finite[robot.position_index(n)]]
+        at = [(robot.position_index(name), robot.velocity_index(name)) for name in single]
         limit_at = np.array(at, dtype=np.int64).reshape(-1, 2)
         limit_range = np.column_stack((low[limit_at[:, 0]], high[limit_at[:, 0]]))
         known = [numbers for solid in terrain.solids if (numbers := solid.numbers()) is not None]
@@ -63,8 +62,8 @@ class Barriers:
         self.pairs = tuple((both[a].name, both[b].name) for a, b, *_ in pairs)
         self.limits, self.points = 2 * len(single), len(robot.contacts)
         self.names = (
-            *(f"joint '{name}' at its lower limit" for name, _ in single),
-            *(f"joint '{name}' at its upper limit" for name, _ in single),
+            *(f"joint '{name}' at its lower limit" for name in single),
+            *(f"joint '{name}' at its upper limit" for name in single),
             *(f"contact '{c.name}'" for c in robot.contacts * len(terrain.solids)),
             *(f"'{a}' on '{b}'" for a, b in (self.pairs[i] for i in self.bodies.slots[:, 0])),
         )

@@ -22,7 +22,7 @@ from wbc.sim.step.course import NO_COMMAND, take_step
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.part import lift
 from wbc.sim.step.part_rows import NO_INERTIA
-from wbc.sim.step.tables import TOUCH, SimState
+from wbc.sim.step.tables import STAGE, TOUCH, SimState
 
 MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatArray]]
 
@@ -180,7 +180,7 @@ class Plant(Ranged):
         if len(closed) != setup.barriers.size:
             self._check_outside(setup.gaps(q)[: setup.plant.obstacles.rigid])
         failed = take_step(setup.plant, q, v, push, bent, spin, closed, torque)
-        stages = setup.stages()
+        stages = setup.plant.stages[: int(setup.plant.now.numbers.item(STAGE)) + 1].copy()
         setup.heard()
         if failed:
             raise self._failure(failed, torque)

@@ -274,10 +274,6 @@ class Setup:
         stages = np.concatenate([self.plant.stages, np.zeros_like(self.plant.stages)])
         cast(Any, self.plant).exchange("stages", stages)
 
-    def stages(self) -> FloatArray:
-        """Return the stages (s + 1, w) of the last step, and its end, see `Opened`."""
-        return self.plant.stages[: int(self.plant.now.numbers.item(tables.STAGE)) + 1].copy()
-
     def _address(self, answer: Callable[[], None]) -> int:
         """Return the address of a function that loops may ask."""
         self._answers.append(_Answer(answer))

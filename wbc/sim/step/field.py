@@ -325,9 +325,8 @@ def meet_round(plant: Opened, which: int, field: Row, touch: OutDense) -> None:
     """
     hull, radius = plant.bodies.hulls[which], plant.bodies.shapes[which, 4]
     start, end = plant.obstacles.points[hull[8]], plant.obstacles.points[hull[8] + hull[3] - 1]
-    place, at, spot, normal, low, high = (
-        local(3), local(6), local(3), local(3), local(3), local(3)
-    )  # fmt: skip
+    place, at, spot, normal = local(3), local(6), local(3), local(3)
+    low, high = local(3), local(3)
     fine, tube, reach = min(field[SPACING], radius), local(7), radius + AHEAD
     tube[6] = radius
     for k in range(3):
@@ -393,9 +392,8 @@ def meet_edges(plant: Opened, which: int, field: Row, known: int, touch: OutDens
     """
     bodies, points, touches = plant.bodies, plant.obstacles.points, plant.obstacles.touch
     hull, bend, spacing = bodies.hulls[which], field[BEND], field[SPACING]
-    way, spot, at, normal, deepest = (
-        local(3), local(3), local(6), local(3), -0.5 * bodies.shapes[which, 5]
-    )  # fmt: skip
+    way, spot, at, normal = local(3), local(3), local(6), local(3)
+    deepest = -0.5 * bodies.shapes[which, 5]
     for e in range(hull[7]):
         first, last = bodies.ends[hull[6] + e, 0], bodies.ends[hull[6] + e, 1]
         start = points[hull[8] + first]

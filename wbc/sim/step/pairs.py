@@ -33,12 +33,11 @@ _SAME = 1e-5  # [m] within which two barriers are one
 def between(outer: Row, inner: Row, pose: OutRow) -> None:
     """Write the pose (12,) of `inner` as `outer` sees it."""
     for i in range(3):
-        pose[9 + i] = 0.0
+        x, y, z = outer[i], outer[3 + i], outer[6 + i]
         for j in range(3):
-            pose[3 * i + j] = 0.0
-            for k in range(3):
-                pose[3 * i + j] += outer[3 * k + i] * inner[3 * k + j]
-            pose[9 + i] += outer[3 * j + i] * (inner[9 + j] - outer[9 + j])
+            pose[3 * i + j] = x * inner[j] + y * inner[3 + j] + z * inner[6 + j]
+        pose[9 + i] = x * (inner[9] - outer[9]) + y * (inner[10] - outer[10])
+        pose[9 + i] += z * (inner[11] - outer[11])
 
 
 @inner
@@ -48,8 +47,7 @@ def to_segment(start: Row, end: Row, point: Row, nearest: OutRow) -> float:
     for k in range(3):
         along += (point[k] - start[k]) * (end[k] - start[k])
     share = along / square if square > 0.0 else 0.0
-    within = min(max(share, 0.0), 1.0)
-    go_along(start, end, within, nearest)
+    go_along(start, end, min(max(share, 0.0), 1.0), nearest)
     return share
 
 

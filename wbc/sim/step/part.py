@@ -100,13 +100,6 @@ def set_momentum(plant: Opened, v: OutRow) -> None:
 
 
 @inner
-def look_and_set(plant: Opened, v: OutRow) -> None:
-    """Do `set_momentum` in given poses."""
-    look(plant)
-    set_momentum(plant, v)
-
-
-@inner
 def advance(plant: Opened, half: float, q: OutRow) -> None:
     """Move the bases in q and poses so that each centre of mass has moved in a straight line.
 
@@ -178,7 +171,8 @@ def to_middle(plant: Opened, half: float) -> None:
             add_times(1.0 / behind[0], behind[1:4], carried[6:])
         moved_along(joints, q, v, half, middle)
         put(plant, middle)
-        look_and_set(plant, speed)
+        look(plant)
+        set_momentum(plant, speed)
     moved_along(joints, q, speed, half, middle)
     put(plant, middle)
     advance(plant, half, middle)
@@ -306,7 +300,8 @@ def arrive(plant: Opened, rows: PartRows, pushes: Row) -> None:
         take_back(plant, rows, pressed, furthest)
     copy_to(end.after, end.velocity)
     if len(plant.placed.bases):
-        look_and_set(plant, end.velocity)
+        look(plant)
+        set_momentum(plant, end.velocity)
 
 
 @inner
