@@ -232,9 +232,9 @@ def run_rollout(options: Options, console: Console) -> Outcome:
     for rows in found.rows():
         console.print(rows)
     if options.save:
-        shown = robot.without_effects().with_effects(*found.effects)
+        effects, gears = found.chosen.fit.robot.effects, found.chosen.fit.robot.transmission
+        shown = robot.without_effects().with_effects(*effects)
         path = save_robot(shown, options.save, provenance={"command": command_line()})
-        gears = found.chosen.fit.robot.transmission
         own = {n: {"value": float(getattr(gears, n)[0]), "unit": UNITS[n]} for n in MOTOR}
         stated = tomllib.loads(path.read_text(encoding="utf-8")) | {"gears": {gears.joints[0]: own}}
         console.print(f"wrote {write_text(path, tomli_w.dumps(stated))}", soft_wrap=True)

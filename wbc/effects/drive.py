@@ -246,11 +246,6 @@ class SupplySag(Effect):
         "follows the total power, also on joints that do little themselves."
     )
 
-    @classmethod
-    def places(cls, robot: Robot) -> tuple[str, ...]:
-        """The whole robot: one supply feeds all drives."""
-        return ("robot",)
-
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque left, (..., m)."""
         power = np.maximum(np.add(*self._powers(robot, motion, torque)), 0.0)

@@ -10,7 +10,7 @@ from typing import final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.joint_effect import GearNumbers, JointEffect, range_of
+from wbc.effects.joint_effect import GearNumbers, JointEffect, offer_near_rest, range_of
 from wbc.errors import EffectError, require_known
 from wbc.robot import Evidence, Motion, Robot, Screen, SearchOffer, number
 from wbc.transmission import stribeck
@@ -196,15 +196,6 @@ class CoulombFriction(JointEffect):
         return self.on_joint(robot, motion, self.level)
 
 
-def _stribeck_screens(
-    kind: type[StribeckFriction], robot: Robot, where: str, evidence: Evidence
-) -> tuple[Screen, ...]:
-    """Return one screen per Stribeck speed, from a tenth to half of the speeds seen."""
-    usual = float(np.sqrt(np.mean(kind.at(where).speeds(robot, evidence.motions) ** 2)))
-    speeds = np.clip(usual * np.geomspace(0.08, 0.8, 6), 0.001, 20.0)
-    return Screen.shapes("level", "speed", speeds if usual > 0.0 else ())
-
-
 @final
 @dataclass(frozen=True)
 class StribeckFriction(JointEffect):
@@ -225,12 +216,7 @@ class StribeckFriction(JointEffect):
         "Move the joint through standstill very slowly, then at growing speeds: the torque "
         "first falls with speed, then rises."
     )
-    search = SearchOffer(
-        near_rest=True,
-        screens=_stribeck_screens,
-        # Below twice the Stribeck speed this is Coulomb friction.
-        recognisable=lambda own, *seen: bool(2.0 * own.speed < np.abs(own.speeds(*seen)).max()),
-    )
+    search = offer_near_rest("level", np.geomspace(0.08, 0.8, 6))
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the level at the present speed, (..., nv) [N m]."""

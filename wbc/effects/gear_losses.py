@@ -10,7 +10,7 @@ from typing import ClassVar, Literal, Self, final, get_args
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.joint_effect import GearNumbers, JointEffect
+from wbc.effects.joint_effect import GearNumbers, JointEffect, offer_near_rest
 from wbc.robot import Evidence, Motion, Robot, Screen, SearchOffer, Usual, number
 from wbc.transmission import Flanks, wedge_backward_efficiency
 
@@ -146,19 +146,6 @@ class LoadFriction(JointEffect):
         return robot.with_transmission(robot.transmission.with_values(self.where, own))
 
 
-_SLOWNESS = (0.1, 0.25, 0.6)  # of the usual speed; a fit goes on between them
-_MOST = 0.95
-
-
-def _load_screens(
-    kind: type[LoadStribeckFriction], robot: Robot, where: str, evidence: Evidence
-) -> tuple[Screen, ...]:
-    """Return one screen per Stribeck speed; the torque is nearly linear in the coefficient."""
-    usual = float(np.sqrt(np.mean(kind.at(where).speeds(robot, evidence.motions) ** 2)))
-    tried = np.clip(np.multiply(_SLOWNESS, usual), 0.001, 20.0) if usual > 0.0 else ()
-    return Screen.shapes("coefficient", "speed", tried, step=1e-3)
-
-
 @final
 @dataclass(frozen=True)
 class LoadStribeckFriction(GearNumbers):
@@ -174,7 +161,7 @@ class LoadStribeckFriction(GearNumbers):
         speed: Stribeck speed [rad/s] at the gear's output; likewise.
     """
 
-    coefficient: float = field(metadata=number("1", 0.0, 0.0, _MOST, 0.1))
+    coefficient: float = field(metadata=number("1", 0.0, 0.0, 0.95, 0.1))
     speed: float = field(metadata=number("rad/s", 0.1, 0.001, 20.0, 0.1, shape=True))
 
     numbers = (("coefficient", "slow_loss", 0), ("speed", "slow_speed", 0))
@@ -186,18 +173,16 @@ class LoadStribeckFriction(GearNumbers):
         "Lift and lower several known weights, very slowly and fast: the difference between "
         "lifting and lowering torque grows with the weight and is larger at low speed."
     )
-    search = SearchOffer(
+    search = offer_near_rest(
+        "coefficient",  # in which the torque is nearly linear
+        (0.1, 0.25, 0.6),
         claims=2,  # friction that grows with the load, and that it falls with speed
-        near_rest=True,
         inseparable={
             "stribeck_friction": (
                 "Where the gear carries one and the same load, friction near rest that grows with "
                 "the load is friction near rest: runs with other loads tell them apart."
             )
         },
-        screens=_load_screens,
-        # Below twice the Stribeck speed this is load friction.
-        recognisable=lambda own, *seen: bool(2.0 * own.speed < np.abs(own.speeds(*seen)).max()),
     )
 
     def joint_velocity(self, robot: Robot, motion: Motion) -> FloatArray:

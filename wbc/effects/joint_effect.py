@@ -5,13 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.robot import Effect, Motion, Robot
+from wbc.robot import Effect, Evidence, Motion, Robot, Screen, SearchOffer
 
 
 class Rows(NamedTuple):
@@ -149,3 +149,28 @@ def range_of(robot: Robot, where: str, values: Iterable[FloatArray | None]) -> F
     gear = robot.transmission.index(where)
     own = np.concatenate([[np.nan] if v is None else v[..., gear] for v in values])
     return np.array([np.min(own), np.max(own)])
+
+
+def offer_near_rest(linear: str, shares: ArrayLike, **more: Any) -> SearchOffer:
+    """Return what a search asks of an effect that fades beyond its parameter `speed`.
+
+    Args:
+        linear: name of its other parameter.
+        shares: of the usual speed, each tried as a `speed`; a fit goes on between them.
+        more: fields of the offer.
+    """
+
+    def screens(
+        kind: type[JointEffect], robot: Robot, where: str, evidence: Evidence
+    ) -> tuple[Screen, ...]:
+        usual = float(np.sqrt(np.mean(kind.at(where).speeds(robot, evidence.motions) ** 2)))
+        tried = np.clip(np.multiply(shares, usual), 0.001, 20.0) if usual > 0.0 else ()
+        return Screen.shapes(linear, "speed", tried)
+
+    return SearchOffer(
+        near_rest=True,
+        screens=screens,
+        # Below twice this speed it never fades.
+        recognisable=lambda own, *seen: bool(2.0 * own.speed < np.abs(own.speeds(*seen)).max()),
+        **more,
+    )

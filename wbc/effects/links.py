@@ -544,11 +544,6 @@ class GravityDirection(Effect):
     experiment = "Use a spirit level; or hold mirrored poses: their gravity torques do not cancel."
     search = SearchOffer(freedom=_freedom)
 
-    @classmethod
-    def places(cls, robot: Robot) -> tuple[str, ...]:
-        """The whole robot."""
-        return ("robot",)
-
     def change(self, robot: Robot) -> Robot:
         """Return the robot in the tilted field."""
         field = np.asarray(robot.model.gravity.linear)

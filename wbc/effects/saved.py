@@ -15,12 +15,7 @@ from wbc.effects.gear_losses import SIDES
 from wbc.errors import RobotError, require_known
 from wbc.files import SCHEMA, write_text
 from wbc.robot import Effect, Robot
-from wbc.robot.description import (
-    build_robot,
-    number_in,
-    read_description,
-    with_gear_numbers,
-)
+from wbc.robot.description import build_robot, quantity, read_description, with_gear_numbers
 from wbc.robot.robot import RobotSource
 from wbc.transmission import DRIVE_TIMES
 
@@ -76,7 +71,7 @@ def _effect(entry: Mapping[str, Any], path: Path) -> Effect:
     for name, number in entry.get("parameters", {}).items():
         if name not in units and isinstance(number, Mapping):  # the effect will know
             number, own[name] = {**number, "unit": "1"}, number.get("unit")
-        values[name] = number_in(number, units.get(name, "1"), f"{place}: {name}")
+        values[name] = quantity(units.get(name, "1"))(number, f"{place}: {name}")
     effect = kind.at(where, values)
     constants, given = _constants(effect), dict(entry.get("constants", {}))
     if "friction_side" in entry:  # as files had it before they held constants

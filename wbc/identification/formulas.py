@@ -14,6 +14,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.effects import CustomTorque, TorqueTerm
+from wbc.effects.presliding import travel_of
 from wbc.files import as_json
 from wbc.identification.answer.diagnosis import ErrorLevel, Estimate
 from wbc.identification.answer.findings import estimates_of
@@ -291,11 +292,6 @@ def linear(
     return TermSet(tuple(chosen), step[len(fit.parameters) :], left)
 
 
-def evidence_of(problem: EstimationProblem, sets: Sequence[TermSet]) -> FloatArray:
-    """Return the log evidence (n,) of sets [nats], up to a constant that they share."""
-    return weigh(problem, [one.hypothesis for one in sets])
-
-
 def find_terms(
     problem: EstimationProblem, fit: Fit, h: Hypothesis, terms: TermTable
 ) -> tuple[TermSet, float]:
@@ -317,8 +313,8 @@ def find_terms(
         tried = [one for one in tried if terms.brake(one.chosen, one.coefficients)]
         if not tried:
             break
-        path.append(tried[int(np.argmax(evidence_of(problem, tried)))])
-    gains = evidence_of(problem, path)
+        path.append(tried[int(np.argmax(weigh(problem, [one.hypothesis for one in tried])))])
+    gains = weigh(problem, [one.hypothesis for one in path])
     best = int(np.argmax(gains))
     return path[best], float(gains[best] - gains[0])
 
@@ -454,8 +450,7 @@ def _search(problem: EstimationProblem, known: Sequence[Effect], progress: Repor
     reaches = dict(zip(gears.joints, np.abs(gears.topology) > 0.0, strict=True))
     waiting, offers = dict[str, TermTable](), dict[str, tuple[TermSet, float]]()
     for joint in gears.joints:
-        column = problem.robot.position_index(joint)
-        if max(np.ptp(motion.position[:, column]) for motion in seen.motions) > _STILL:
+        if travel_of(problem.robot, joint, seen.motions) > _STILL:
             progress(f"searching a formula for {joint}")
             terms = TermTable.at(problem, found.fit.robot, joint, seen)
             if terms.outputs.size:
@@ -490,19 +485,18 @@ def _with_formula(
         helps = best.hypothesis.folds < linear(problem, fit, h, terms, rest).hypothesis.folds
         stability[terms.terms[k].text] = float(helps[:, terms.outputs].mean())
         others = [own for (own,) in terms.best(fit, rest, pairs=False) if own != k]
-        own, *odds = evidence_of(
-            problem, [best, *(linear(problem, fit, h, terms, (*rest, one)) for one in others)]
-        )
+        sets = [best, *(linear(problem, fit, h, terms, (*rest, one)) for one in others)]
+        own, *odds = weigh(problem, [one.hypothesis for one in sets])
         ranked = sorted(zip(odds, others, strict=True), reverse=True)
         as_good = [terms.terms[one].text for gain, one in ranked if gain > own - _AS_GOOD]
         rivals[terms.terms[k].text] = tuple(as_good[:FEW])
     effect = terms.effect(best.chosen, best.coefficients)
     joints = dict.fromkeys((joint, *(other for term in effect.terms for other in term.joints)))
-    proposal = Proposal(effect, {}, 0.0, stability, rivals, tuple(joints))
-    wider = Found.of(problem, (*fit.effects, effect), {**found.proposals, joint: proposal})
+    wider = Found.of(problem, (*fit.effects, effect), found.proposals)
     before, after = (one.outputs[terms.outputs].mean() for one in (h, wider.hypothesis))
     share = float(min((before - after) / max(before - 1.0, 1e-12), 1.0))
-    return replace(wider, proposals={**found.proposals, joint: replace(proposal, share=share)})
+    proposal = Proposal(effect, {}, share, stability, rivals, tuple(joints))
+    return replace(wider, proposals={**found.proposals, joint: proposal})
 
 
 def _estimates(problem: EstimationProblem, fit: Fit) -> dict[tuple[str, str], dict[str, Estimate]]:

@@ -70,12 +70,11 @@ class Span(NamedTuple):
 Build = Callable[[Mapping[str, float]], tuple[Robot, DcDrive]]
 
 
-def _build(robot: Robot, axis: FloatArray, values: Mapping[str, float]) -> tuple[Robot, DcDrive]:
+def _build(robot: Robot, values: Mapping[str, float]) -> tuple[Robot, DcDrive]:
     """Return robot and drive with these numbers; what is not given is not there.
 
     Args:
         robot: as it was given, with one driven joint and the numbers of its motor.
-        axis: (3,) of the joint at its zero, world.
         values: by the names in `UNITS`.
     """
     gears = robot.transmission
@@ -85,7 +84,8 @@ def _build(robot: Robot, axis: FloatArray, values: Mapping[str, float]) -> tuple
         resistance=[values["resistance"]],
         rotor_inertia=[values["rotor_inertia"] / ratio**2],
     )
-    roll, pitch = (float(values["tilt"] * share) for share in axis[:2])
+    # Gravity tilts about the joint's axis.
+    roll, pitch, _ = (values["tilt"] * robot.mounting.axis[0]).tolist()
     effects: list[Effect] = [
         GravityDirection("robot", roll, pitch),
         CoulombFriction(joint, values["coulomb"]),
@@ -140,14 +140,6 @@ def _spans(robot: Robot) -> dict[str, Span]:
     }
 
 
-def _axis(robot: Robot) -> FloatArray:
-    """Return the direction (3,) of the joint in the world, by which gravity may be tilted."""
-    data = robot.model.createData()
-    pin.computeJointJacobians(robot.model, data, robot.neutral())
-    jacobian = pin.getJointJacobian(robot.model, data, 1, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-    return np.asarray(jacobian).reshape(6, -1)[3:, 0]
-
-
 @dataclass(frozen=True, eq=False)
 class RolloutModel:
     """One model of a servo.
@@ -193,11 +185,6 @@ class Rollouts:
         least = min(self.models, key=lambda model: model.error)
         gaps = [model.held_out - least.held_out for model in self.models]
         return next(m for m, gap in zip(self.models, gaps, strict=True) if gap.mean() <= sem(gap))
-
-    @property
-    def effects(self) -> tuple[Effect, ...]:
-        """The effects of the chosen model."""
-        return self.chosen.fit.robot.effects
 
     def rows(self) -> tuple[TextTable, TextTable]:
         """Return the models with what they miss, and the numbers of the chosen one."""
@@ -252,7 +239,7 @@ def fit_rollouts(
     if len(logs) < 2:
         raise IdentificationError("a rollout is judged on logs held out: give two at least.")
     _require_motor(robot)
-    spans, build = _spans(robot), partial(_build, robot, _axis(robot))
+    spans, build = _spans(robot), partial(_build, robot)
     runs, folds = [_run(robot, log) for log in logs], _folds(logs)
     subsets = [[k for k in range(len(runs)) if k not in out] for out in ([], *folds)]
     found: list[RolloutModel] = []

@@ -296,13 +296,20 @@ def _listed(what: str, item: Reader = _text, size: int = 0) -> Reader:
     return read
 
 
-def quantity(unit: str) -> Reader:
-    """Return what reads a number of a unit, see `number_in`."""
-    return lambda entry, place: number_in(entry, unit, place)
-
-
 def _several(unit: str) -> Reader:
     return lambda entry, place: numbers_in(entry, unit, place)
+
+
+def quantity(unit: str) -> Reader:
+    """Return what reads one number of a unit; see `numbers_in`."""
+
+    def read(entry: Any, place: str) -> float:
+        value = numbers_in(entry, unit, place)
+        if value.ndim != 0:
+            raise RobotError(f"{place}: one number expected, got {value.tolist()}.")
+        return float(value)
+
+    return read
 
 
 def _gear_tables(entry: Any, place: str, readers: Mapping[str, Reader]) -> dict[str, Any]:
@@ -348,14 +355,6 @@ _TOP_LEVEL: Mapping[str, Reader] = {
 }
 _NUMBER = {"value": _as_it_is, "unit": _text}
 _NUMBER |= dict.fromkeys(("source", "note", "low", "high"), _as_it_is)
-
-
-def number_in(entry: Any, unit: str, place: str) -> float:
-    """Return the SI value of one number; arguments and errors as for `numbers_in`."""
-    value = numbers_in(entry, unit, place)
-    if value.ndim != 0:
-        raise RobotError(f"{place}: one number expected, got {value.tolist()}.")
-    return float(value)
 
 
 def numbers_in(entry: Any, unit: str, place: str) -> FloatArray:

@@ -6,9 +6,9 @@ What a search for causes in logs asks of an effect stands apart from its physics
 from __future__ import annotations
 
 import re
-from abc import ABC, abstractmethod
+from abc import ABC
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import Field, dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, replace
 from functools import cached_property
 from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
@@ -391,9 +391,9 @@ class Effect(ABC):
                 )
 
     @classmethod
-    @abstractmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:
-        """Return the names at which this effect can sit on `robot`."""
+        """Return the names at which this effect can sit on `robot` (default: the whole robot)."""
+        return ("robot",)
 
     @classmethod
     def at(cls, where: str, values: Mapping[str, float] | None = None) -> Self:
@@ -449,14 +449,13 @@ class Effect(ABC):
         return f"{name} at {self.where}" + (f" ({numbers})" if numbers else "")
 
     def with_values(self, values: Mapping[str, float]) -> Self:
-        """Return the same effect with some fields changed.
+        """Return the same effect with some parameters changed.
 
         Raises:
-            EffectError: a field that it does not have, or a value out of bounds.
+            EffectError: a parameter that it does not have, or a value out of bounds.
         """
-        known = {f.name for f in fields(self)}
         for name in values:
-            require_known(EffectError, f"parameter of {self.name}", name, known)
+            require_known(EffectError, f"parameter of {self.name}", name, self.values)
         changes: dict[str, Any] = dict(values)
         return replace(self, **changes)
 

@@ -498,13 +498,9 @@ class Robot(Remade):
         Raises:
             TransmissionError: a joint that no gear drives.
         """
-        chosen = tuple(joints)
-        before = self.before_effects
-        return replace(
-            self,
-            torque_sensors=chosen,
-            before_effects=None if before is None else before.with_torque_sensors(chosen),
-        )
+        chosen, before = tuple(joints), self.before_effects
+        known = before and before.with_torque_sensors(chosen)
+        return replace(self, torque_sensors=chosen, before_effects=known)
 
     def with_transmission(self, transmission: Transmission) -> Robot:
         """Return a copy with other gears."""
@@ -517,9 +513,9 @@ class Robot(Remade):
         Args:
             times: (m,) [s] of each of `DRIVE_TIMES`.
         """
-        gears, before = self.transmission, self.before_effects
-        known = None if before is None else before.with_drive_times(times)
-        return self._with(transmission=gears.replace(**times), before_effects=known)
+        gears, before = self.transmission.replace(**times), self.before_effects
+        known = before and before.with_drive_times(times)
+        return self._with(transmission=gears, before_effects=known)
 
     def with_inertia(self, joint_number: int, inertia: pin.Inertia) -> Robot:
         """Return a copy whose link at that joint has `inertia`."""
@@ -569,8 +565,7 @@ class Robot(Remade):
         changed = self._changed(transmission=self.transmission.lossless())
         if self.source is not None and not self.effects:
             changed = changed._with(source=replace(self.source, lossless=True))
-        before = self.before_effects
-        return changed._with(before_effects=None if before is None else before.lossless())
+        return changed._with(before_effects=self.before_effects and self.before_effects.lossless())
 
     def _changed(self, **changes: Any) -> Robot:
         """Return a copy with some fields changed, to which no file can refer."""
