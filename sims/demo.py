@@ -64,7 +64,7 @@ def explain(console: Console, duration: float) -> tuple[Diagnosis, list[Path]]:
     """Hide two effects in a leg, record it, and find them; return the diagnosis and files."""
     console.rule("2. Explain a log")
     leg = load_robot("planar_leg_fixed").lossless()
-    hidden = [TransmissionEfficiency.wedge("knee", 0.8), CoulombFriction("hip", 0.5)]
+    hidden = [TransmissionEfficiency("knee", 0.8, 0.75), CoulombFriction("hip", 0.5)]
     console.print("hidden in the plant: " + ", ".join(map(str, hidden)))
     runs = record_with(leg, hidden, duration=duration)
     written = [save_log(log, OUT / f"run{i}.csv") for i, log in enumerate(runs)]

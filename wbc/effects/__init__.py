@@ -1,10 +1,7 @@
 """One small final class per physical effect, shared by controller, simulator and logs."""
 
 from wbc.effects.catalogue import EFFECTS as EFFECTS, effect_class as effect_class
-from wbc.effects.contacts import (
-    ContactRadius as ContactRadius,
-    ForceSensorGain as ForceSensorGain,
-)
+from wbc.effects.contacts import ContactRadius as ContactRadius, ForceSensorGain as ForceSensorGain
 from wbc.effects.drive import (
     ActuationDelay as ActuationDelay,
     CurrentLimit as CurrentLimit,

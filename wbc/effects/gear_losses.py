@@ -95,15 +95,6 @@ class TransmissionEfficiency(GearNumbers):
         backward = share if self.backward_efficiency > 0.0 else "all of it, it locks,"
         return f"losses in the gear at {self.where} ({forward}, {backward} when the joint drives)"
 
-    @classmethod
-    def wedge(cls, where: str, forward_efficiency: float) -> TransmissionEfficiency:
-        """Return the effect with the wedge's eta_b = 2 - 1/eta_f.
-
-        Raises:
-            TransmissionError: eta_f outside (0, 1].
-        """
-        return cls(where, forward_efficiency, float(wedge_backward_efficiency(forward_efficiency)))
-
 
 @final
 @dataclass(frozen=True)

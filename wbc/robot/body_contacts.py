@@ -227,27 +227,11 @@ def _hull(vertices: FloatArray, depth: float) -> FloatArray:
         chosen.append(int(number[worst]))
 
 
-class PlacedGeometry(NamedTuple):
-    """One visual or collision solid of a model file.
-
-    Attributes:
-        item: as the model file gives it.
-        frame: number of the robot's frame that carries it.
-        joint: number of the robot's joint that moves it, 0 for the world.
-        placement: in the frame of that joint.
-    """
-
-    item: Any
-    frame: int
-    joint: int
-    placement: pin.SE3
-
-
-def placed_geometry(robot: Robot, kind: pin.GeometryType) -> list[PlacedGeometry]:
+def placed_geometry(robot: Robot, kind: pin.GeometryType) -> list[pin.GeometryObject]:
     """Return the visuals or collision solids of the robot's model file; none without any.
 
     The links are found by their frame's name, so that a robot with a free-flyer or with welded
-    joints finds them too.
+    joints finds them too. Their joints, frames and placements are those of the robot.
     """
     if robot.source is None or robot.source.model is None:
         return []
@@ -257,14 +241,14 @@ def placed_geometry(robot: Robot, kind: pin.GeometryType) -> list[PlacedGeometry
         # The links moved this far, so the file is sound: only its meshes are not installed.
         return []
     placed = []
-    for item in geometry.geometryObjects:
+    for item in map(pin.GeometryObject, geometry.geometryObjects):
         frame = whole.frames[item.parentFrame]
-        if not robot.model.existFrame(frame.name):
-            continue
-        number = robot.model.getFrameId(frame.name)
-        here = robot.model.frames[number]
-        placement = here.placement * frame.placement.inverse() * item.placement
-        placed.append(PlacedGeometry(item, number, here.parentJoint, placement))
+        if robot.model.existFrame(frame.name):
+            item.parentFrame = robot.model.getFrameId(frame.name)
+            here = robot.model.frames[item.parentFrame]
+            item.parentJoint = here.parentJoint
+            item.placement = here.placement * frame.placement.inverse() * item.placement
+            placed.append(item)
     return placed
 
 
@@ -277,12 +261,11 @@ def collision_solids(robot: Robot) -> pin.GeometryModel:
         RobotError: a solid of the surface sits on a link that the robot does not have.
     """
     found = pin.GeometryModel()
-    for item, frame, joint, placement in placed_geometry(robot, pin.GeometryType.COLLISION):
-        shape = item.geometry
-        if hasattr(shape, "buildConvexRepresentation"):
-            shape.buildConvexRepresentation(False)
-            shape = shape.convex or shape
-        found.addGeometryObject(pin.GeometryObject(item.name, joint, frame, placement, shape))
+    for item in placed_geometry(robot, pin.GeometryType.COLLISION):
+        if hasattr(item.geometry, "buildConvexRepresentation"):
+            item.geometry.buildConvexRepresentation(False)
+            item.geometry = item.geometry.convex or item.geometry
+        found.addGeometryObject(item)
     known = [one.name for one in robot.model.frames]
     for solid in robot.surface.solids:
         require_known(RobotError, f"frame of '{robot.name}'", solid.link, known)

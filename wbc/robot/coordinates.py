@@ -139,8 +139,8 @@ class JointMap:
             rotor_torque: tau_phi (m,) [N m], as `Command.rotor_torque`.
         """
         on_joints, result = np.zeros(self.robot.model.nv), np.zeros(len(self.names))
-        motor = self.robot.transmission.gear_ratio * np.asarray(rotor_torque, dtype=np.float64)
-        on_joints[self.robot.actuated] = self.robot.transmission.motor_from_joint.T @ motor
+        distribution = self.robot.transmission.distribution
+        on_joints[self.robot.actuated] = distribution @ np.asarray(rotor_torque, dtype=np.float64)
         result[self.places] = on_joints[self.velocities]
         return result
 

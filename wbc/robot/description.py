@@ -246,11 +246,7 @@ Reader: TypeAlias = Callable[[Any, str], Any]
 
 
 def table_in(
-    entry: Any,
-    readers: Mapping[str, Reader],
-    place: str,
-    what: str = "a table",
-    kind: str = "key",
+    entry: Any, readers: Mapping[str, Reader], place: str, what: str = "a table", kind: str = "key"
 ) -> dict[str, Any]:
     """Return the values of a table, each as its key reads it.
 

@@ -102,12 +102,13 @@ def _box_corners(low: FloatArray, high: FloatArray) -> FloatArray:
 def robot_shapes(robot: Robot) -> tuple[LinkShape, ...]:
     """Return the visuals of the robot's model file, or capsules between its joints without any."""
     shapes = []
-    for item, _, joint, place in placed_geometry(robot, pin.GeometryType.VISUAL):
+    for item in placed_geometry(robot, pin.GeometryType.VISUAL):
         red, green, blue = (round(255.0 * float(part)) for part in item.meshColor[:3])
         # pinocchio's own default for "no material" tells nothing; a neutral per link does.
         told = not np.allclose(item.meshColor[:3], 0.9)
         colour = f"#{red:02X}{green:02X}{blue:02X}" if told else ""
-        shapes.append(LinkShape(item.name, joint, place, item.geometry, colour))
+        at = item.parentJoint, item.placement
+        shapes.append(LinkShape(item.name, *at, item.geometry, colour))
     drawn = [shape for shape in shapes if shape.geometry is not None]
     return tuple(drawn) if any(shape.joint > 0 for shape in drawn) else stick_shapes(robot)
 

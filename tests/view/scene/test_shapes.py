@@ -61,8 +61,8 @@ def seen_of_hub(robot: Robot, joint: str) -> float:
     angle, share = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 24), [0.0, 0.5, 1.0])
     rim = np.stack([np.cos(angle), np.sin(angle), share * (hub.high - hub.low) / hub.radius], -1)
     bodies = [
-        (item.geometry, data.oMi[number] * placement)
-        for item, _, number, placement in placed_geometry(robot, pin.GeometryType.VISUAL)
+        (item.geometry, data.oMi[item.parentJoint] * item.placement)
+        for item in placed_geometry(robot, pin.GeometryType.VISUAL)
     ]
 
     def gap(point: np.ndarray, body: coal.CollisionGeometry, where: pin.SE3) -> float:
