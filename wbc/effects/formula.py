@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Self, final
 
 import numpy as np
@@ -133,9 +133,7 @@ class TorqueTerm:
             at_slide: whether the term acts on a joint that slides (a force, not a torque).
         """
         power = {"N": 1, "m": 0 if at_slide else 1, "s": 0, "rad": 0}
-        for factor in self.factors:
-            if factor.shape not in ("power", "size"):
-                continue
+        for factor in (f for f in self.factors if f.shape in ("power", "size")):
             slides = factor.joint in prismatic
             torque, time, length = (int(factor.number) * d for d in _DIMENSION[factor.quantity])
             power["N"] -= torque
@@ -147,11 +145,10 @@ class TorqueTerm:
             some = {name: sign * n for name, n in power.items() if sign * n > 0}
             return [name if n == 1 else f"{name}^{n}" for name, n in some.items()]
 
-        above, below = written(1), written(-1)
-        if not below:
-            return " ".join(above) or "1"
-        bottom = below[0] if len(below) == 1 else f"({' '.join(below)})"
-        return f"{' '.join(above) or '1'}/{bottom}"
+        above, below = " ".join(written(1)) or "1", " ".join(written(-1))
+        if " " in below:
+            below = f"({below})"
+        return f"{above}/{below}" if below else above
 
     def complexity(self, joint: str) -> float:
         """Return how much one is asked to believe who did not know this term before [nats].
@@ -175,8 +172,7 @@ class TorqueTerm:
 
     def direction_of(self, joint: str) -> Factor | None:
         """Return the factor sign(v) of that joint, None where it has none."""
-        own = [f for f in self.factors if f.shape == "sign" and f.joint == joint]
-        return own[0] if own else None
+        return next((f for f in self.factors if f.shape == "sign" and f.joint == joint), None)
 
     def check(self, where: str) -> None:
         """Raise EffectError for a product that makes no sense as a torque on joint `where`."""
@@ -296,18 +292,6 @@ class CustomTorque(JointEffect):
         """
         given = (values or {}).items()
         return cls(where, tuple(TorqueTerm.parse(text, number) for text, number in given))
-
-    def with_values(self, values: Mapping[str, float]) -> Self:
-        """Return the same formula with some coefficients changed.
-
-        Raises:
-            EffectError: a product that is no term of it, or a coefficient out of bounds.
-        """
-        known = {term.text: term for term in self.terms}
-        for name, value in values.items():
-            require_known(EffectError, f"parameter of {self.name}", name, known)
-            known[name] = replace(known[name], coefficient=float(value))
-        return replace(self, terms=tuple(known.values()))
 
     @property
     def needs_acceleration(self) -> bool:

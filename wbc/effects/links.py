@@ -352,16 +352,6 @@ class LinkInertias(RedrawnLinks):
         """Every link as drawn."""
         return {f"{body}.{own}": 0.0 for body in heavy_bodies(robot) for own in LOG_CHOLESKY}
 
-    def with_values(self, values: Mapping[str, float]) -> Self:
-        """Return the same with some numbers changed.
-
-        Raises:
-            EffectError: a number that it does not have, or one out of bounds.
-        """
-        for name in values:
-            require_known(EffectError, f"parameter of {self.name}", name, self.values)
-        return self.at(self.where, {**self.values, **values})
-
     def check_place(self, robot: Robot) -> None:
         """Raise EffectError unless every body is one of `robot` that has a mass."""
         super().check_place(robot)

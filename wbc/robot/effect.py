@@ -456,6 +456,8 @@ class Effect(ABC):
         """
         for name in values:
             require_known(EffectError, f"parameter of {self.name}", name, self.values)
+        if self.parameters is not type(self).parameters:  # its numbers say what it is made of
+            return self.at(self.where, {**self.values, **values})
         changes: dict[str, Any] = dict(values)
         return replace(self, **changes)
 

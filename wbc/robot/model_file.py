@@ -86,11 +86,8 @@ def _parse_urdf(path: Path, base: str) -> pin.Model:
     root = (pin.JointModelFreeFlyer(),) if base == "free_flyer" else ()
     model = pin.buildModelFromXML(text, *root)
     low, high = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
-    for number in (model.getJointId(str(joint.get("name"))) for joint in turning):
-        if number < model.njoints:
-            row = model.joints[number].idx_q
-            low[row], high[row] = -np.inf, np.inf
-    model.lowerPositionLimit, model.upperPositionLimit = low, high
+    model.lowerPositionLimit = np.where(low == -_ENDLESS, -np.inf, low)
+    model.upperPositionLimit = np.where(high == _ENDLESS, np.inf, high)
     return model
 
 

@@ -224,10 +224,9 @@ class Transmission(Remade):
         Raises:
             TransmissionError: no such driven joint, or a number outside its range.
         """
-        gear, changes = self.index(joint), {name: np.array(getattr(self, name)) for name in numbers}
-        for name, value in numbers.items():
-            changes[name][gear] = value
-        return self.replace(**changes)
+        own = np.arange(self.size) == self.index(joint)
+        pairs = numbers.items()
+        return self.replace(**{n: np.where(own, value, getattr(self, n)) for n, value in pairs})
 
     def flanks(self, joint: str) -> Flanks:
         """Return the law of one gear that winds up or has play."""
