@@ -190,9 +190,8 @@ def _missing(effect: LinkInertia, robot: Robot, motions: Sequence[Motion]) -> fl
     """
     matrix = changed_pseudo_inertia(tuple(effect.values.values()))
     below = np.minimum(np.linalg.eigvalsh(matrix), 1.0)
-    distances = np.zeros(_COUNT)
-    distances[: below.size] = np.sqrt(np.maximum(below - np.log(below) - 1.0, 0.0)) / USUAL
-    return excess(distances)
+    distances = np.sqrt(np.maximum(below - np.log(below) - 1.0, 0.0)) / USUAL
+    return excess(np.pad(distances, (0, _COUNT - below.size)))
 
 
 def _quantities(effect: RedrawnLinks, robot: Robot) -> dict[str, Quantity]:

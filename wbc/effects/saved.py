@@ -73,9 +73,7 @@ def _effect(entry: Mapping[str, Any], path: Path) -> Effect:
             number, own[name] = {**number, "unit": "1"}, number.get("unit")
         values[name] = quantity(units.get(name, "1"))(number, f"{place}: {name}")
     effect = kind.at(where, values)
-    constants, given = _constants(effect), dict(entry.get("constants", {}))
-    if "friction_side" in entry:  # as files had it before they held constants
-        given["friction_side"] = entry["friction_side"]
+    constants, given = _constants(effect), entry.get("constants", {})
     for name, value in given.items():
         require_known(RobotError, "constant", name, constants, place)
         if type(value) is not type(constants[name]):

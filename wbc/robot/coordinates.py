@@ -44,14 +44,10 @@ def unit_at(robot: Robot, where: str, unit: str) -> str:
 
 def output_units(robot: Robot) -> tuple[str, ...]:
     """Return the unit of every output of a residual: driven joints, then the other coordinates."""
-    units = ["N m"] * robot.model.nv
-    for name in robot.joints:
-        joint = robot.model.joints[robot.model.getJointId(name)]
-        if joint.nv == 6:
-            units[joint.idx_v : joint.idx_v + 3] = ["N"] * 3
-        elif joint.nv == 1 and slides(robot, name):
-            units[joint.idx_v] = "N"
-    return tuple(units[row] for row in (*robot.actuated, *robot.unactuated))
+    sliding = [robot.velocity_index(name) for name in robot.single_joints if slides(robot, name)]
+    sliding += [first + k for _, first in robot.free_flyers.values() for k in range(3)]
+    rows = (*robot.actuated.tolist(), *robot.unactuated.tolist())
+    return tuple("N" if row in sliding else "N m" for row in rows)
 
 
 def _unit_twist(robot: Robot, joint: str) -> tuple[FloatArray, FloatArray]:
