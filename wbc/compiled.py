@@ -13,6 +13,7 @@ import gc
 import sys
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from copy import copy
 from dis import get_instructions
 from functools import cache
@@ -247,11 +248,8 @@ class MachineCode(CPUDispatcher):  # type: ignore[misc]
         self.size: int = len(function.__code__.co_code) + sum(copies)
         self.stamp = _stamp(function, (signature, counted, *["inside"] * inside))
         vars(function)["stamp"] = self.stamp
-        self._kept = True
-        try:
+        with suppress(RuntimeError):  # no folder
             self._cache = _Kept(function)
-        except RuntimeError:  # no folder
-            self._kept = False
 
     def __reduce__(self) -> str:
         """Pickle it by its name."""
@@ -279,7 +277,7 @@ class MachineCode(CPUDispatcher):  # type: ignore[misc]
         """
         if not self._can_compile:
             return
-        if not self._kept:
+        if isinstance(self._cache, NullCache):
             _warn_of_compiling()
         late = [one.__name__ for one in _called(self.py_func) if one not in self.calls]
         if late:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import namedtuple
 from collections.abc import Callable, Mapping
 from hashlib import sha256
+from itertools import accumulate
 from typing import Any, ClassVar, TypeVar, cast, get_type_hints
 
 import numpy as np
@@ -32,11 +33,8 @@ class _Kind(types.Type):  # type: ignore[misc]
 
     def __init__(self, label: str, fields: tuple[tuple[str, Any], ...]) -> None:
         self.fields = dict(fields)
-        self.places: dict[str, int] = {}
-        place = 0
-        for name, kind in fields:
-            self.places[name] = place
-            place += 1 + 2 * kind.ndim if isinstance(kind, types.Array) else 1
+        sizes = [1 + 2 * kind.ndim if isinstance(kind, types.Array) else 1 for _, kind in fields]
+        self.places = dict(zip(self.fields, accumulate([0, *sizes[:-1]]), strict=True))
         digest = sha256(repr(fields).encode()).hexdigest()[:12]
         super().__init__(f"{label}_{digest}")
 

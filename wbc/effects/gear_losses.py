@@ -68,10 +68,6 @@ class TransmissionEfficiency(GearNumbers):
     forward_efficiency: float = field(metadata=number("1", 1.0, 0.05, 1.0, 0.1, usual=_FORWARD))
     backward_efficiency: float = field(metadata=number("1", 1.0, -20.0, 1.0, 0.1, usual=_BACKWARD))
 
-    numbers = (
-        ("forward_efficiency", "forward_efficiency", 0),
-        ("backward_efficiency", "backward_efficiency", 0),
-    )
     explanation = (
         "Sliding teeth lose a share of the power they carry; driving the joint from the motor "
         "and being driven back by the load lose different shares."
@@ -185,9 +181,6 @@ Side = Literal["link", "motor", "either"]
 SIDES: tuple[Side, ...] = get_args(Side)
 
 
-_FLANKS = (("stiffness", "stiffness", 0), ("damping", "damping", 0))
-
-
 @dataclass(frozen=True)
 class YieldingGear(GearNumbers, ABC):
     """Base of the effects that let a link stray from its motor, by the law of `Flanks`.
@@ -242,7 +235,6 @@ class JointCompliance(YieldingGear):
     stiffness: float = field(metadata=number("N m/rad", 1e9, 1.0, 1e9, 100.0))
     damping: float = field(metadata=number("N m s/rad", 1.0, 0.0, 1e5, 1.0, shape=True))
 
-    numbers = _FLANKS
     explanation = (
         "Shafts, belts and flex splines wind up: the link lags behind its motor in proportion "
         "to the load and swings after fast moves."
@@ -281,7 +273,7 @@ class Backlash(YieldingGear):
     )
     damping: float = field(metadata=number("N m s/rad", 10.0, 0.0, 1e5, 5.0, shape=True, doubt=1.0))
 
-    numbers = (("width", "backlash", 0), *_FLANKS)
+    numbers = (("width", "backlash", 0),)
     # What a link does after a strike depends on more than the log shows: on 15 generated logs
     # widths were off by up to 4 %, flanks by factors.
     explanation = (

@@ -120,28 +120,31 @@ class GearNumbers(JointEffect, ABC):
     """Base of the effects that replace numbers of a gear, as they are at the motor's output.
 
     Attributes:
-        numbers: of each parameter its name, the attribute of the transmission, and the power of
-            |N| by which it is larger at the output.
+        numbers: of each parameter that is not called and measured as in the transmission its name,
+            the attribute there, and the power of |N| by which it is larger at the output.
     """
 
-    numbers: ClassVar[tuple[tuple[str, str, int], ...]]
+    numbers: ClassVar[tuple[tuple[str, str, int], ...]] = ()
+
+    @classmethod
+    def _of_gear(cls, robot: Robot, where: str) -> dict[str, tuple[str, float]]:
+        """Return parameter -> attribute of the transmission, and how much larger it is here."""
+        ratio = abs(float(robot.transmission.gear_ratio[robot.transmission.index(where)]))
+        same = {p.name: (p.name, 1.0) for p in cls.parameters}
+        return same | {own: (name, ratio**power) for own, name, power in cls.numbers}
 
     @classmethod
     def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
         """Return the robot's present numbers."""
         gears, gear = robot.transmission, robot.transmission.index(where)
-        ratio = abs(gears.gear_ratio[gear])
-        return {
-            own: float(getattr(gears, name)[gear] * ratio**power)
-            for own, name, power in cls.numbers
-        }
+        known = cls._of_gear(robot, where).items()
+        return {own: float(getattr(gears, name)[gear] * more) for own, (name, more) in known}
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot with these numbers."""
-        gears = robot.transmission
-        ratio = abs(float(gears.gear_ratio[gears.index(self.where)]))
-        numbers = {name: getattr(self, own) / ratio**power for own, name, power in self.numbers}
-        return robot.with_transmission(gears.with_values(self.where, numbers))
+        known = self._of_gear(robot, self.where).items()
+        numbers = {name: getattr(self, own) / more for own, (name, more) in known}
+        return robot.with_transmission(robot.transmission.with_values(self.where, numbers))
 
 
 def range_of(robot: Robot, where: str, values: Iterable[FloatArray | None]) -> FloatArray:
