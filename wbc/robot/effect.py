@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
+from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import EffectError, require_known
 
 if TYPE_CHECKING:
@@ -281,8 +281,7 @@ def usual_cost(effect: Effect) -> float:
     return sum(p.usual.cost(values[p.name]) for p in effect.parameters if p.usual is not None)
 
 
-_NONE = np.zeros(0)
-_NONE.flags.writeable = False
+_NONE = frozen(())
 
 
 @dataclass(frozen=True, eq=False)
