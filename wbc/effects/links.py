@@ -152,8 +152,7 @@ def _length(robot: Robot, joint: int) -> float:
     """Return how long the link of a joint is, by its centre of mass and the joints it carries."""
     model = robot.model
     ends = [model.jointPlacements[k].translation for k in range(1, model.njoints)]
-    own = [end for k, end in enumerate(ends, start=1) if model.parents[k] == joint]
-    own.append(model.inertias[joint].lever)
+    own = [*(ends[k - 1] for k in model.children[joint]), model.inertias[joint].lever]
     longest = max([float(np.linalg.norm(end)) for end in own])
     return longest or max([float(np.linalg.norm(end)) for end in ends]) or 0.1
 

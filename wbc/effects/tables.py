@@ -139,14 +139,11 @@ def _kind(effect: Effect) -> object:
     rest = {f.name: getattr(effect, f.name) for f in fields(effect) if f.name not in known}
     plain = all(isinstance(value, (str, bool, int, float)) for value in rest.values())
     remembers = type(effect).first_memory is not Effect.first_memory
-    alone = not isinstance(effect, JointEffect) or (remembers and not _is_shipped(effect))
+    shipped = type(effect) in EFFECTS.values()
+    alone = not isinstance(effect, JointEffect) or (remembers and not shipped)
     if alone or not plain or effect.parameters is not type(effect).parameters:
         return id(effect)
     return type(effect), tuple(rest.items())
-
-
-def _is_shipped(effect: Effect) -> bool:
-    return type(effect) in EFFECTS.values()
 
 
 def _joined(robot: Robot, effects: Sequence[Effect]) -> Sequence[Effect]:
@@ -166,7 +163,7 @@ def _joined(robot: Robot, effects: Sequence[Effect]) -> Sequence[Effect]:
     values = {p.name: np.array([getattr(e, p.name) for e in effects]) for p in first.parameters}
     for name, value in {"where": ", ".join(joints), "rows": rows, **values}.items():
         object.__setattr__(one, name, value)
-    return (one,) if _is_shipped(first) or _acts_like(robot, one, effects) else effects
+    return (one,) if type(first) in EFFECTS.values() or _acts_like(robot, one, effects) else effects
 
 
 def _acts_like(robot: Robot, one: Effect, effects: Sequence[Effect]) -> bool:
@@ -202,19 +199,17 @@ def add_torques(
 
 def _acted(robot: Robot, effects: Sequence[Effect], motion: Motion) -> FloatArray:
     """Return what effects do with a motion, by all hooks that a step or a tick calls."""
-    samples = motion.velocity.shape[:-1]
-    gears = robot.transmission
-    smooth, dry = np.zeros_like(motion.velocity), np.zeros_like(motion.velocity)
-    given = np.broadcast_to(np.linspace(-1.0, 1.0, gears.size), (*samples, gears.size))
-    added, torque, command, shown, seen = np.zeros(given.shape), given, given, motion, motion
+    samples, size = motion.velocity.shape[:-1], robot.transmission.size
+    given = np.broadcast_to(np.linspace(-1.0, 1.0, size), (*samples, size))
+    totals = (*np.zeros((2, *motion.velocity.shape)), np.zeros(given.shape))
+    torque, command, shown, seen = given, given, motion, motion
     for effect in effects:
-        add_torques(robot, effect, motion, (smooth, dry, added))
+        add_torques(robot, effect, motion, totals)
         torque = effect.drive(robot, motion, torque)
         shown, seen = effect.measured(robot, shown), effect.true(robot, seen)
     for effect in reversed(effects):
         command = effect.drive_inverse(robot, motion, command)
-    found = smooth, dry, added, torque, command, shown.position, seen.position
-    return np.concatenate(found, axis=-1)
+    return np.concatenate((*totals, torque, command, shown.position, seen.position), axis=-1)
 
 
 _viscous = compiled(Number, Number, Number)(friction.viscous)

@@ -102,12 +102,8 @@ def _weighs(robot: Robot, joint: str, motions: Sequence[Motion]) -> bool:
 def _chain(robot: Robot, joint: str) -> list[str]:
     """Return the other driven joints between the base and `joint`, and those that it carries."""
     model, own = robot.model, robot.model.getJointId(joint)
-    numbers = {name: model.getJointId(name) for name in robot.transmission.joints if name != joint}
-    return [
-        name
-        for name, other in numbers.items()
-        if other in list(model.supports[own]) or own in list(model.supports[other])
-    ]
+    chain = {*model.supports[own], *model.subtrees[own]} - {own}
+    return [name for name in robot.transmission.joints if model.getJointId(name) in chain]
 
 
 def _peaks(

@@ -420,11 +420,8 @@ class Robot(Remade):
             joint: number of the joint that moves the link, 0 for the world. Places are in its axes.
         """
         model, contacts = self.model, map(self.contact_place, self.contacts)
-        return [
-            np.array(model.jointPlacements[other].translation)
-            for other in range(1, model.njoints)
-            if model.parents[other] == joint
-        ] + [place for carrier, place in contacts if carrier == joint]
+        joints = [np.array(model.jointPlacements[k].translation) for k in model.children[joint]]
+        return joints + [place for carrier, place in contacts if carrier == joint]
 
     def with_effect(self, effect: Effect) -> Robot:
         """Return a new robot that has `effect` too.
