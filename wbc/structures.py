@@ -92,9 +92,8 @@ def _kept(context: Any, memory: Any, values: Any) -> Any:
 
     def build(target: Any, builder: Any, signature: Any, given: Any) -> Any:
         whole = ir.IntType(64)
-        first = builder.bitcast(
-            target.make_array(memory)(target, builder, given[0]).data, whole.as_pointer()
-        )
+        held = target.make_array(memory)(target, builder, given[0])
+        first = builder.bitcast(held.data, whole.as_pointer())
         for number, (name, kind) in enumerate(found.fields.items()):
             value = builder.extract_value(given[1], number)
             if isinstance(kind, types.Array):

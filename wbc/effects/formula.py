@@ -179,10 +179,8 @@ class TorqueTerm:
         signs = [f.joint for f in self.factors if f.shape == "sign"]
         if len(set(signs)) < len(signs):
             raise EffectError(f"the term '{self.text}' at '{where}' holds a sign twice.")
-        odd = any(
-            f.shape == "power" and f.quantity == "v" and f.joint == where and f.number % 2 == 1
-            for f in self.factors
-        )
+        own = [f for f in self.factors if f.quantity == "v" and f.joint == where]
+        odd = any(f.shape == "power" and f.number % 2 == 1 for f in own)
         if where in signs and odd:
             raise EffectError(
                 f"the term '{self.text}' at '{where}' is no dry friction: write "

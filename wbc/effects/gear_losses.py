@@ -41,10 +41,8 @@ def _efficiency_screens(
         }
 
     pair = Screen((efficiencies(1.0, 1.0),), lambda c: efficiencies(float(c[0]), float(c[0])))
-    free = Screen(
-        (efficiencies(1.0, 0.0), efficiencies(0.0, 1.0)),
-        lambda c: efficiencies(float(c[0]), float(c[1])),
-    )
+    units = efficiencies(1.0, 0.0), efficiencies(0.0, 1.0)
+    free = Screen(units, lambda c: efficiencies(float(c[0]), float(c[1])))
     return pair, free
 
 

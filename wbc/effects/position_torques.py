@@ -90,9 +90,8 @@ def _ripple_screens(
     orders = strongest_orders(positions, [left[:, torque] for left in evidence.unexplained])
 
     def screen(order: float) -> Screen:
-        units = tuple(
-            {"amplitude": _UNIT, "order": order, "phase": phase} for phase in (0.0, 0.5 * np.pi)
-        )
+        unit = {"amplitude": _UNIT, "order": order}
+        units = tuple({**unit, "phase": phase} for phase in (0.0, 0.5 * np.pi))
 
         def combine(coefficients: FloatArray) -> dict[str, float]:
             sine, cosine = (_UNIT * float(c) for c in coefficients)
@@ -120,9 +119,8 @@ def _ripple_implausibility(effect: TorqueRipple, robot: Robot, motions: Sequence
     """
     told = 2.0 * np.pi / float(np.ptp(effect.positions(robot, motions)))
     anywhere = told / effect.order
-    shares = [
-        whole_number_share(effect.order / turns, told / turns) for turns in effect._turns(robot)
-    ]
+    turns = effect._turns(robot)
+    shares = [whole_number_share(effect.order / each, told / each) for each in turns]
     return float(max(-np.log(np.mean([anywhere, *shares])), 0.0))
 
 

@@ -112,7 +112,8 @@ def save_robot(
     Raises:
         RobotError: a robot built or changed in code, which no file can refer to.
     """
-    if robot.source is None or robot.source.changed:
+    source = robot.source
+    if source is None or source.changed:
         raise RobotError(
             f"'{robot.name}' was built or changed in code; only a robot loaded by name or path, "
             "with effects added to it, can be saved."
@@ -128,11 +129,7 @@ def save_robot(
             ends = {} if span is None else {"low": float(span[0]), "high": float(span[1])}
             numbers[p.name] = {"value": effect.values[p.name], "unit": p.unit, **ends}
         effects.append(entry)
-    table: dict[str, Any] = {
-        "schema": SCHEMA,
-        "robot": robot.source.name,
-        "lossless": robot.source.lossless,
-    }
+    table: dict[str, Any] = {"schema": SCHEMA, "robot": source.name, "lossless": source.lossless}
     if provenance:
         table["provenance"] = dict(provenance)
     for key in DRIVE_TIMES:

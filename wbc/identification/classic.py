@@ -173,14 +173,12 @@ def classic_fit(problem: EstimationProblem) -> ClassicFit:
         return np.asarray(target[~used] + values[~used] @ without(a[rows], b[rows])[1])
 
     held = held_out_residual(problem, predicted)
-    names = output_names(problem.robot)
-    kept = problem.floor.judged
+    names, kept = output_names(problem.robot), problem.floor.judged
+    numbers = zip(told, solution.tolist(), half.tolist(), strict=True)
     return ClassicFit(
         parameters=tuple(
-            BaseParameter(name, text, x := drawn + float(more), drawn, x - h, x + h, unit)
-            for (name, text, drawn, unit), more, h in zip(
-                told, solution, half.tolist(), strict=True
-            )
+            BaseParameter(name, text, x := drawn + more, drawn, x - h, x + h, unit)
+            for (name, text, drawn, unit), more, h in numbers
         ),
         joints=tuple(names[k] for k in kept),
         before=np.sqrt(np.mean(problem.residual[:, kept] ** 2, axis=0)),
@@ -196,12 +194,10 @@ def _sides_apart(problem: EstimationProblem) -> EstimationProblem:
     A sensor's noise is in both, so whitening them together would bring what no perfect gear
     explains into the rows that tell the links.
     """
-    behind = np.arange(len(problem.floor.covariance)) >= len(problem.floor.covariance) - len(
-        problem.robot.torque_sensors
-    )
-    same = np.equal.outer(behind, behind)
-    covariance = np.where(same, problem.floor.covariance, 0.0)
-    return replace(problem, floor=replace(problem.floor, covariance=covariance))
+    floor, sensors = problem.floor, len(problem.robot.torque_sensors)
+    behind = np.arange(len(floor.covariance)) >= len(floor.covariance) - sensors
+    covariance = np.where(np.equal.outer(behind, behind), floor.covariance, 0.0)
+    return replace(problem, floor=replace(floor, covariance=covariance))
 
 
 def held_out_residual(

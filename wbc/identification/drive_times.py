@@ -396,10 +396,8 @@ def _columns(record: Record) -> FloatArray:
     robot, motion = record.robot, record.motion
     gears = robot.transmission
     own = np.zeros_like(record.torque) if motion.feedback_torque is None else motion.feedback_torque
-    late, whole = (
-        derivative(part, record.rate) * np.abs(gears.gear_ratio)
-        for part in (record.torque - own, record.torque)
-    )
+    parts = record.torque - own, record.torque
+    late, whole = (derivative(part, record.rate) * np.abs(gears.gear_ratio) for part in parts)
     velocity = motion.velocity[:, robot.actuated] @ gears.motor_from_joint.T
     acceleration = derivative(velocity, record.rate)
     braking = -np.nan_to_num(gears.velocity_gain) * acceleration

@@ -189,9 +189,8 @@ class TermTable:
     def effect(self, chosen: Sequence[int], coefficients: FloatArray) -> CustomTorque:
         """Return the formula of some terms."""
         numbers = zip(chosen, coefficients.tolist(), strict=True)
-        return CustomTorque(
-            self.joint, tuple(replace(self.terms[k], coefficient=c) for k, c in numbers)
-        )
+        terms = tuple(replace(self.terms[k], coefficient=number) for k, number in numbers)
+        return CustomTorque(self.joint, terms)
 
     def brake(self, chosen: Sequence[int], coefficients: FloatArray) -> bool:
         """Whether the dry friction of these terms brakes nearly everywhere."""
@@ -304,11 +303,8 @@ def find_terms(
     while len(path) <= _MOST_TERMS:
         now = path[-1].chosen
         rests = [[k for k in now if k != one] for one in now] or [[]]
-        sets = {
-            tuple(sorted((*rest, *more)))
-            for rest in rests
-            for more in terms.best(fit, rest, pairs=bool(now))
-        }
+        grown = ((*rest, *more) for rest in rests for more in terms.best(fit, rest, bool(now)))
+        sets = {tuple(sorted(own)) for own in grown}
         tried = [linear(problem, fit, h, terms, own) for own in sorted(sets)]
         tried = [one for one in tried if terms.brake(one.chosen, one.coefficients)]
         if not tried:
@@ -468,8 +464,7 @@ def _search(problem: EstimationProblem, known: Sequence[Effect], progress: Repor
             # Those whose torque reaches a motor that the torque of this one reaches.
             for other in waiting:
                 if (reaches[joint] & reaches[other]).any():
-                    again = find_terms(problem, found.fit, found.hypothesis, waiting[other])
-                    offers[other] = again
+                    offers[other] = find_terms(problem, found.fit, found.hypothesis, waiting[other])
     return found
 
 

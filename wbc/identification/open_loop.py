@@ -224,9 +224,8 @@ def open_loop(
     pieces, _ = cut_at_gaps(logs)
     try:
         records = prepare(robot.without_effects().lossless(), pieces)
-        simulated = [
-            SimulatedLog(robot, log, record) for log, record in zip(pieces, records, strict=True)
-        ]
+        pairs = zip(pieces, records, strict=True)
+        simulated = [SimulatedLog(robot, log, record) for log, record in pairs]
     except (LogError, SimulationError) as error:
         return replace(nothing, reason=str(error))
     found = []

@@ -249,10 +249,8 @@ def fit_rollouts(
         # Each model starts from the usual numbers, and from those that the smaller one ended at.
         starts = [{}, *(model.fit.values for model in found[-1:])]
         fits = fit_servos(build, own, runs, _STEP, subsets, starts, _ITERATIONS, _HOLD)
-        errors = [
-            np.mean(fit.error([runs[k] for k in out], _STEP))
-            for fit, out in zip(fits[1:], folds, strict=True)
-        ]
+        held = zip(fits[1:], folds, strict=True)
+        errors = [np.mean(fit.error([runs[k] for k in out], _STEP)) for fit, out in held]
         seen = float(np.mean(fits[0].error(runs, _STEP)))
         found.append(RolloutModel(name, fits[0], seen, np.array(errors)))
     drive = DcDrive(float(robot.transmission.supply_voltage[0]))

@@ -48,9 +48,8 @@ def torque_terms(
     along = [torque * np.sign(speed) for torque, speed in zip(torques, speeds, strict=True)]
     usual = float(np.sqrt(np.mean(np.concatenate(speeds) ** 2)))
     highest = 2.0 * np.pi * band / max(usual, 1e-9)
-    smooth_waves, dry_waves = (
-        _waves(q, waves | _peaks(positions, own, highest)) for own in (torques, along)
-    )
+    orders = (waves | _peaks(positions, own, highest) for own in (torques, along))
+    smooth_waves, dry_waves = (_waves(q, own) for own in orders)
     gravity = [f"gravity_{joint}"] * _weighs(robot, joint, motions)
     load = [f"load_{joint}"] * (not robot.floating_size)
     texts = ["1", q, f"{q}^2", f"{q}^3", *smooth_waves]

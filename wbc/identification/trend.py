@@ -153,9 +153,8 @@ class Trend:
             ends = plain(d.first.value), plain(d.last.value)
             change = with_deviation(d.change, d.deviation)
             cells.append((d.machine, d.quantity, *ends, change, d.first.unit.removeprefix("1")))
-        return TextTable.of(
-            f"{'drifts' if sure else 'no sure drift'}|~|>first|>last|>change|", cells
-        )
+        kind = "drifts" if sure else "no sure drift"
+        return TextTable.of(f"{kind}|~|>first|>last|>change|", cells)
 
     def to_json(self) -> dict[str, Any]:
         """Return plain numbers, texts, lists and dictionaries."""

@@ -94,13 +94,9 @@ class JointMap:
                 )
             if known.count(joint) > 1:
                 raise RobotError(f"joint '{joint}' stands {known.count(joint)} times in the names.")
-        return cls(
-            robot,
-            known,
-            frozen([known.index(joint) for joint in own], np.int_),
-            frozen([robot.position_index(joint) for joint in own], np.int_),
-            frozen([robot.velocity_index(joint) for joint in own], np.int_),
-        )
+        finders = known.index, robot.position_index, robot.velocity_index
+        rows = (frozen([find(joint) for joint in own], np.int_) for find in finders)
+        return cls(robot, known, *rows)
 
     def motion(
         self, position: ArrayLike, velocity: ArrayLike, base: BaseState | None = None

@@ -231,14 +231,9 @@ def state_gear(joint: str, *keys: str) -> str:
         joint: whose gear.
         keys: of [gears.JOINT], see docs/diagnosis/describe-your-robot.md.
     """
-    lines = [
-        f'{key} = {{ value = VALUE, unit = "{GEAR_UNITS[key]}", source = "data sheet" }}'
-        for key in keys
-    ]
-    return (
-        f"put the number in place of VALUE, below [gears.{joint}] in robot.toml:\n    "
-        + "\n    ".join(lines)
-    )
+    line = '\n    {} = {{ value = VALUE, unit = "{}", source = "data sheet" }}'
+    lines = "".join(line.format(key, GEAR_UNITS[key]) for key in keys)
+    return f"put the number in place of VALUE, below [gears.{joint}] in robot.toml:{lines}"
 
 
 Reader: TypeAlias = Callable[[Any, str], Any]

@@ -441,10 +441,8 @@ class Robot(Remade):
         for effect in effects:
             effect.check_place(changed)
             changed = effect.change(changed)
-        before = self.before_effects if self.effects else self
-        return changed._with(
-            effects=(*self.effects, *effects), source=self.source, before_effects=before
-        )
+        own, before = (*self.effects, *effects), self.before_effects if self.effects else self
+        return changed._with(effects=own, source=self.source, before_effects=before)
 
     def with_acting(self, effects: Iterable[Effect]) -> Robot:
         """Return the same bodies and gears on which these effects act in place of its own.
@@ -546,11 +544,8 @@ class Robot(Remade):
             joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), body.name)
             model.appendBodyToJoint(joint, body.inertia(), pin.SE3.Identity())
             model.addBodyFrame(body.name, joint, pin.SE3.Identity(), 0)
-        surface = replace(
-            self.surface,
-            solids=(*self.surface.solids, *(LinkSolid(body.name, body.shape) for body in bodies)),
-            pairs=(*self.surface.pairs, *pairs),
-        )
+        own, solids = self.surface, [LinkSolid(body.name, body.shape) for body in bodies]
+        surface = replace(own, solids=(*own.solids, *solids), pairs=(*own.pairs, *pairs))
         poses = {name: np.concatenate((q, more)) for name, q in self.poses.items()}
         return replace(self, model=model, surface=surface, poses=poses, before_effects=None)
 
