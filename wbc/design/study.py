@@ -40,32 +40,23 @@ class SweepParameter:
     Attributes:
         name: one of `NAMES`, or "gearbox" (by its number) where a study makes it.
         place: joint of a gear (all gears alike when empty), or joint.
-        low, high: the range; equal to the ends of `values` where those are given.
-        count: number of values on a grid.
-        logarithmic: whether the grid is even in the logarithm.
-        values: the values themselves where they were listed, else empty.
+        values: that it takes.
+        logarithmic: whether they are even in the logarithm.
     """
 
     name: str
     place: str
-    low: float
-    high: float
-    count: int = DEFAULT_COUNT
+    values: tuple[float, ...]
     logarithmic: bool = False
-    values: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check the range."""
+        """Check names and values."""
         if self.name not in (*NAMES, "gearbox"):
             raise DesignError(unknown_name("parameter", self.name, NAMES))
         if self.name == "joint" and not self.place:
             raise DesignError("joint: name the joint, as in joint.NAME=LOW:HIGH.")
-        if not (np.isfinite(self.low) and np.isfinite(self.high) and self.low <= self.high):
-            raise DesignError(f"{self.column}={self.low:g}:{self.high:g} is no range.")
-        if self.count < 1:
-            raise DesignError(f"{self.column}: the number of values must be at least 1.")
-        if self.logarithmic and self.low <= 0.0:
-            raise DesignError(f"{self.column}: a logarithmic range must start above 0.")
+        if not self.values or not np.isfinite(self.values).all():
+            raise DesignError(f"{self.column} needs at least 1 value, and all of them finite.")
 
     @property
     def column(self) -> str:
@@ -76,16 +67,6 @@ class SweepParameter:
     def unit(self) -> str:
         """Unit of the values."""
         return _OTHER_UNITS.get(self.name) or GEAR_NUMBERS[GEAR_PARAMETERS[self.name]].unit
-
-    @property
-    def grid(self) -> FloatArray:
-        """The values of a grid (count,)."""
-        if self.values:
-            return np.array(self.values)
-        if self.count == 1:
-            return np.array([self.low])
-        spaced = np.geomspace if self.logarithmic else np.linspace
-        return np.asarray(spaced(self.low, self.high, self.count))
 
 
 def parse_sweep(text: str) -> SweepParameter:
@@ -103,8 +84,7 @@ def parse_sweep(text: str) -> SweepParameter:
         raise DesignError(f"--sweep '{text}': {form}.")
     try:
         if ":" not in right:
-            values = tuple(float(value) for value in right.split(","))
-            return SweepParameter(name, place, min(values), max(values), len(values), values=values)
+            return SweepParameter(name, place, tuple(float(value) for value in right.split(",")))
         parts = right.split(":")
         logarithmic = parts[-1].strip() == "log"
         numbers = parts[:-1] if logarithmic else parts
@@ -112,9 +92,14 @@ def parse_sweep(text: str) -> SweepParameter:
             raise DesignError(f"--sweep '{text}': {form}.")
         low, high = float(numbers[0]), float(numbers[1])
         count = int(numbers[2]) if len(numbers) == 3 else DEFAULT_COUNT
+        if not -np.inf < low <= high < np.inf:
+            raise DesignError(f"--sweep '{text}': {low:g}:{high:g} is no range.")
+        if logarithmic and low <= 0.0:
+            raise DesignError(f"--sweep '{text}': a logarithmic range must start above 0.")
+        grid = (np.geomspace if logarithmic else np.linspace)(low, high, count)
     except ValueError as cause:
         raise DesignError(f"--sweep '{text}': {cause}; {form}.") from cause
-    return SweepParameter(name, place, low, high, count, logarithmic)
+    return SweepParameter(name, place, tuple(grid.tolist()), logarithmic)
 
 
 _NUMBERS = ("reduction", "forward_efficiency", "backward_efficiency", "gear_inertia")
@@ -225,17 +210,16 @@ class Study:
         boxes = tuple(float(number) for number in range(len(self.gearboxes)))
         if not boxes:
             return self.parameters
-        listed = SweepParameter("gearbox", "", 0.0, boxes[-1], len(boxes), values=boxes)
-        return (listed, *self.parameters)
+        return (SweepParameter("gearbox", "", boxes), *self.parameters)
 
     @property
     def size(self) -> int:
         """Number of designs."""
-        return int(np.prod([len(parameter.grid) for parameter in self.varied]))
+        return int(np.prod([len(parameter.values) for parameter in self.varied]))
 
     def values(self, start: int, stop: int) -> dict[str, FloatArray]:
         """Return the parameters of designs `start` to before `stop` by column."""
-        grids = [parameter.grid for parameter in self.varied]
+        grids = [np.array(parameter.values) for parameter in self.varied]
         places = np.unravel_index(np.arange(start, stop), [len(grid) for grid in grids])
         return {
             p.column: grid[place] for p, grid, place in zip(self.varied, grids, places, strict=True)
@@ -274,10 +258,10 @@ class Study:
         given = {n: np.where(np.isnan(x), getattr(gears, n), x) for n, x in told.items()}
         if "forward_efficiency" in told:
             # A forward efficiency alone brings the wedge's backward one.
-            own = given.get("backward_efficiency", gears.backward_efficiency)
             alone = np.isnan(told.get("backward_efficiency", np.nan))
             alone = alone & ~np.isnan(told["forward_efficiency"])
             wedge = wedge_backward_efficiency(given["forward_efficiency"])
+            own = given.get("backward_efficiency", gears.backward_efficiency)
             given["backward_efficiency"] = np.where(alone, wedge, own)
         return Designs.of(robot, q, given)
 

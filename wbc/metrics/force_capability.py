@@ -32,11 +32,13 @@ class ForceRange:
         conventional: with perfect gears.
         lift: that the motors can raise, all gears forward.
         hold: that the motors can resist, all gears backward; infinite where a gear locks itself.
+        backdriving_force: at which the first gear without power gives way.
     """
 
     conventional: float
     lift: float
     hold: float
+    backdriving_force: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,14 +71,11 @@ class ForceCapability:
             DynamicsError: a direction in which the structure carries the force without any
                 torque (a singular pose).
         """
-        found = self._forces(direction)
-        return ForceRange(found["conventional"], found["lift"], found["hold"])
-
-    def _forces(self, direction: ArrayLike) -> dict[str, float]:
         n = self.task.direction(direction)
         if not self.task.levers(n).any():
             raise self._unbounded(n)
-        return {name: float(force[0]) for name, force in forces_along(self.task, n).items()}
+        found = forces_along(self.task, n)
+        return ForceRange(**{name: float(force[0]) for name, force in found.items()})
 
     @property
     def backdriving_torque(self) -> FloatArray:
@@ -93,7 +92,7 @@ class ForceCapability:
         Raises:
             DynamicsError: a direction in which the structure bears the force without any torque.
         """
-        return self._forces(direction)["backdriving_force"]
+        return self.along(direction).backdriving_force
 
     def moving(self, direction: ArrayLike) -> FloatArray:
         """Return the corners (c, n) [N] of the combined polygon of lifting and holding.
@@ -239,20 +238,6 @@ def forces_along(task: ContactTask, n: FloatArray) -> dict[str, FloatArray]:
     return {name: ratio(own, lever, 0.0, np.inf).min(axis=1) for name, own in limits.items()}
 
 
-def holding_torques(
-    gears: Mapping[str, FloatArray], output: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the rotor torques (k, m) [N m] that hold: with perfect gears, and the least.
-
-    Args:
-        gears: arrays of `Designs.gears`.
-        output: torque (k or 1, m) [N m] at each motor output.
-    """
-    perfect = np.abs(output / gears["gear_ratio"])
-    least = perfect * np.maximum(gears["backward_efficiency"], 0.0)
-    return perfect, np.maximum(least - gears["rotor_coulomb_friction"], 0.0)
-
-
 @dataclass(frozen=True, eq=False)
 class Holding:
     """Rotor torques that hold a force on a contact point at rest.
@@ -298,22 +283,22 @@ def holding(
     """
     if not 0.0 <= load < np.inf:
         raise DynamicsError(f"load must be >= 0 and finite, got {load}.")
-    task, gears = contact_task(robot, position, contact, axes), robot.transmission
-    output = load * task.torque_from_force @ task.direction(direction)
-    perfect, least = holding_torques(task.designs.gears, output)
-    spent, rest, saved = (float(one[0]) for one in joule_heats(robot, perfect, least))
-    known = 1.0 if np.isfinite(gears.copper_loss).all() else np.nan
-    return Holding(frozen(perfect[0]), frozen(least[0]), known * spent, known * rest, saved)
+    task = contact_task(robot, position, contact, axes)
+    lossless, least, *heats = holding_of(task, task.direction(direction), load)
+    known = 1.0 if np.isfinite(robot.transmission.copper_loss).all() else np.nan
+    spent, rest, saved = (float(heat[0]) for heat in heats)
+    return Holding(frozen(lossless[0]), frozen(least[0]), known * spent, known * rest, saved)
 
 
-def joule_heats(
-    robot: Robot, perfect: FloatArray, least: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the heat (k,) [W] of two rotor torques (k, m), and the share that the lesser saves.
+def holding_of(task: ContactTask, n: FloatArray, load: float) -> tuple[FloatArray, ...]:
+    """Return the fields of `Holding` for every design: two (k, m), then three (k,).
 
-    The motors count as equal where the constants of one are unknown.
+    The motors count as equal where the constants of one are unknown, in all heats.
     """
-    copper = robot.transmission.copper_loss
+    gears, copper = task.designs.gears, task.designs.robot.transmission.copper_loss
+    lossless = np.abs(task.torque_from_force @ n * load / gears["gear_ratio"])
+    least = lossless * np.maximum(gears["backward_efficiency"], 0.0)
+    least = np.maximum(least - gears["rotor_coulomb_friction"], 0.0)
     weight = np.where(np.isfinite(copper).all(), copper, 1.0)
-    spent, rest = (np.sum(weight * torque**2, axis=1) for torque in (perfect, least))
-    return spent, rest, 1.0 - ratio(rest, spent, 0.0, 1.0)
+    spent, rest = (np.sum(weight * torque**2, axis=1) for torque in (lossless, least))
+    return lossless, least, spent, rest, 1.0 - ratio(rest, spent, 0.0, 1.0)

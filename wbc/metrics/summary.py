@@ -11,22 +11,9 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
 from wbc.errors import DynamicsError
+from wbc.metrics import inertia
 from wbc.metrics.designs import ContactTask, Designs, contact_task, designs_task, ratio, upward
-from wbc.metrics.force_capability import (
-    ForceCapability,
-    force_capability,
-    forces_along,
-    holding,
-    holding_torques,
-    joule_heats,
-)
-from wbc.metrics.inertia import (
-    backward_generalized_inertia,
-    directional_inertia,
-    forward_generalized_inertia,
-    generalized_inertia,
-    impact_mitigation,
-)
+from wbc.metrics.force_capability import force_capability, forces_along, holding, holding_of
 from wbc.robot import Robot
 from wbc.transmission import Direction
 
@@ -90,14 +77,18 @@ def summary(
     rows = [
         _row(name, "kg", f"{assumption}; {REST}", partial(find, *where))
         for name, assumption, find in (
-            ("GIT", PERFECT, generalized_inertia),
-            ("Backward-GIT", BACKWARD, backward_generalized_inertia),
-            ("Forward-GIT", FORWARD, forward_generalized_inertia),
+            ("GIT", PERFECT, inertia.generalized_inertia),
+            ("Backward-GIT", BACKWARD, inertia.backward_generalized_inertia),
+            ("Forward-GIT", FORWARD, inertia.forward_generalized_inertia),
         )
     ]
     rows += _directions(robot, q, contact, axes, way, up)
+
+    def force(of: str) -> float:
+        return float(getattr(reach.along(up), of))
+
     rows += [
-        _row(f"force {way}, {name}", "N", f"{note}; {STATIC}", partial(_along, reach, up, of))
+        _row(f"force {way}, {name}", "N", f"{note}; {STATIC}", partial(force, of))
         for name, note, of in (
             ("lossless", PERFECT, "conventional"),
             ("lift", "all gears lift", "lift"),
@@ -107,7 +98,7 @@ def summary(
     note = f"{MOVING}; {STATIC}"
     rows.append(_row(f"force polygon, moving {way}", "N", note, partial(reach.moving, up)))
     for name, note, mode in (("conservative", PERFECT, 0.0), ("dissipative", BACKWARD, -1.0)):
-        factor, note = impact_mitigation(*where, mode), f"{note}; {IMPACT}"
+        factor, note = inertia.impact_mitigation(*where, mode), f"{note}; {IMPACT}"
         rows.append(_row(f"IMF {way}, {name}", "1", note, partial(factor.along, up)))
         determinant = partial(getattr, factor, "determinant")
         rows.append(_row(f"IMF determinant, {name}", "1", note, determinant))
@@ -129,8 +120,8 @@ def _directions(
 ) -> list[Metric]:
     name, share = f"effective mass {way}", "directions driven forward by all"
     try:
-        one = directional_inertia(robot, q, contact, axes, up[None])
-        shown = directional_inertia(robot, q, contact, axes, 3600).share_forward
+        one = inertia.directional_inertia(robot, q, contact, axes, up[None])
+        shown = inertia.directional_inertia(robot, q, contact, axes, 3600).share_forward
     except DynamicsError as reason:
         return [Metric(name, "kg", str(reason), EXACT)]
     return [
@@ -146,10 +137,6 @@ def _row(name: str, unit: str, assumption: str, find: Callable[[], Value]) -> Me
         return Metric(name, unit, find(), assumption)
     except DynamicsError as reason:
         return Metric(name, unit, str(reason), assumption)
-
-
-def _along(reach: ForceCapability, direction: FloatArray, of: str) -> float:
-    return float(getattr(reach.along(direction), of))
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +199,15 @@ def design_metrics(
     """
     task = designs_task(designs, contact, axes)
     n = task.direction(direction)
-    found = {**_inertias(task, n), **_forces(task, n, load)}
+    robot = designs.robot
+    lossless, least, *_, saved = holding_of(task, n, robot.weight if load is None else load)
+    found = {
+        **_inertias(task, n),
+        **forces_along(task, n),
+        "holding_torque": np.linalg.norm(least, axis=1),
+        "holding_torque_lossless": np.linalg.norm(lossless, axis=1),
+        "heat_saved": saved,
+    }
     return DesignMetrics(**{name: np.broadcast_to(x, designs.size) for name, x in found.items()})
 
 
@@ -235,16 +230,4 @@ def _inertias(task: ContactTask, n: FloatArray) -> dict[str, FloatArray]:
         "impact_mitigation": 1.0 - ratio(along(blocked), along(driven), least, np.nan),
         "impact_mitigation_lossless": 1.0 - ratio(along(blocked), along(free), 0.0, np.nan),
         "impact_mitigation_determinant": np.where(regular, factor, np.nan),
-    }
-
-
-def _forces(task: ContactTask, n: FloatArray, load: float | None) -> dict[str, FloatArray]:
-    robot = task.designs.robot
-    output = task.torque_from_force @ n * (robot.weight if load is None else load)
-    perfect, least = holding_torques(task.designs.gears, output)
-    return {
-        **forces_along(task, n),
-        "holding_torque": np.sqrt(np.sum(least**2, axis=1)),
-        "holding_torque_lossless": np.sqrt(np.sum(perfect**2, axis=1)),
-        "heat_saved": joule_heats(robot, perfect, least)[2],
     }

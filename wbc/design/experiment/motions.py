@@ -258,7 +258,7 @@ class MotionLimits:
 
 
 def predicted(
-    rivals: Rivals, limits: MotionLimits, path: FourierPath, rate: float
+    rivals: Rivals, limits: MotionLimits, path: FourierPath, rate: float = SEARCH_RATE
 ) -> tuple[Predictions, float]:
     """Return what the rivals predict along a path, and the largest share of a limit that it uses.
 
@@ -288,12 +288,12 @@ def fitted(
     path that breaks a limit, or brings links too near one another, is made smaller.
     """
     for _ in range(6):
-        found, used = predicted(rivals, limits, path, SEARCH_RATE)
+        found, used = predicted(rivals, limits, path)
         if 0.9 * ROOM <= used <= ROOM:
             break
         path = path.scaled(0.97 * ROOM / used)
     near = limits.clearance
     while used > ROOM or not (near is None or near.keeps(path.at(path.times(SEARCH_RATE))[0])):
         path = path.scaled(0.9)
-        found, used = predicted(rivals, limits, path, SEARCH_RATE)
+        found, used = predicted(rivals, limits, path)
     return path, found

@@ -11,14 +11,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from wbc.arrays import FloatArray
-from wbc.design.experiment.motions import (
-    ROOM,
-    SEARCH_RATE,
-    FourierPath,
-    MotionLimits,
-    fitted,
-    predicted,
-)
+from wbc.design.experiment.motions import ROOM, FourierPath, MotionLimits, fitted, predicted
 from wbc.design.experiment.rivals import Pair, Predictions, Rivals
 from wbc.errors import DesignError
 from wbc.files import as_json
@@ -262,8 +255,8 @@ def _require_limits(rivals: Rivals, limits: MotionLimits, duration: float) -> No
             "with a torque_limit."
         )
     nothing = np.zeros((len(limits.center), 1))
-    still = FourierPath(limits.center, nothing, nothing, 1.0, 2.0 / SEARCH_RATE)
-    peak = predicted(rivals, limits, still, SEARCH_RATE)[0].peak()
+    still = FourierPath(limits.center, nothing, nothing, 1.0, 0.1)
+    peak = predicted(rivals, limits, still)[0].peak()
     share = peak.max(axis=0) / limits.torque
     if share.max() >= ROOM:
         joint = rivals.robot.transmission.joints[int(share.argmax())]
