@@ -175,17 +175,22 @@ class Structure:
         kind: its type, as that of an argument of a compiled function or of a field.
     """
 
-    def __init__(self, label: str, **fields: Any) -> None:
+    def __init__(self, label: str, *arrays: tuple[Any, ...], **fields: Any) -> None:
         """Name the fields.
 
         Args:
             label: of the kind.
-            fields: name -> kind of array, as in `wbc.compiled`, or of structure; `Count` or `Flag`
-                for a number that stays the same. Behind the kind may stand the shape, numbers or
-                names of sizes: such an array is made where it is not given.
+            arrays: a kind, as in `wbc.compiled`, and the names of the arrays of it. Behind them
+                may stand their shape, numbers or names of sizes: such arrays are made where they
+                are not given.
+            fields: name -> kind of array or structure; `Count` or `Flag` for a number that stays
+                the same.
         """
-        self._shapes = {name: f[1:] for name, f in fields.items() if isinstance(f, tuple)}
-        kinds = {name: kind_of(f[0] if name in self._shapes else f) for name, f in fields.items()}
+        self._shapes: dict[str, tuple[Any, ...]] = {}
+        for kind, names, *shape in arrays:
+            fields |= dict.fromkeys(names.split(), kind)
+            self._shapes |= dict.fromkeys(names.split() if shape else (), tuple(shape))
+        kinds = {name: kind_of(field) for name, field in fields.items()}
         self.kind = _Kind(label, tuple(kinds.items()))
         self._made = type(label, (NamedArrays,), {"_numba_type_": self.kind, "_fields": kinds})
 

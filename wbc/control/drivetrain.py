@@ -76,7 +76,6 @@ class GearModel:
         self._rotor_own = gears.reflected_inertia[:, None] * robot.motor_rows
         rate = 0.0 if observer is None else observer.rate
         self.learns = rate > 0.0
-        unlimited = np.full(gears.size, np.inf)
         self.memory: Any = GEARS.of(
             {"m": gears.size, "v": nv},
             driven=np.array(robot.actuated, dtype=np.int_),
@@ -87,8 +86,8 @@ class GearModel:
             rotor=self._rotor_own.copy(),
             dry=np.abs(self._ratio) * gears.rotor_coulomb_friction,
             viscous=self._ratio**2 * gears.rotor_viscous_friction,
-            lower=-unlimited,
-            upper=unlimited,
+            lower=np.full(gears.size, -np.inf),
+            upper=np.full(gears.size, np.inf),
             laws=self._table.joints,
             numbers=self._table.numbers,
             drives=self._table.drives,
@@ -118,12 +117,9 @@ class GearModel:
         if self._pushed or self.coupled:
             memory.effects[:], memory.rubbing[:], added = self._exerted(motion)
         if self._gears_act:
-            gears, speed = self.robot.transmission, self.speed(motion.velocity)
-            now, given = (
-                np.empty((2, self.size)),
-                (gears.forward_efficiency, gears.backward_efficiency),
-            )
-            fill_efficiencies(self._table.gears, speed, *given, *now)
+            gears, now = self.robot.transmission, np.empty((2, self.size))
+            given = gears.forward_efficiency, gears.backward_efficiency
+            fill_efficiencies(self._table.gears, self.speed(motion.velocity), *given, *now)
             self._take_efficiencies(*now)
         if self._varying is not None:
             speed = self._ratio * self.speed(motion.velocity)

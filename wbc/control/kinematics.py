@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import IntEnum
 from itertools import chain
 from math import atan2, sqrt
 from typing import Annotated, Any, NamedTuple
@@ -34,29 +33,22 @@ from wbc.mechanics.inertia import bodies_at, move_bodies
 from wbc.mechanics.kinematics import joints_of, placed_at, product
 from wbc.mechanics.linear import add_cross, add_times, apart, copy_to, dot
 from wbc.robot import Robot
-from wbc.structures import Structure
+from wbc.structures import Structure, numbered
 
 TREE = Structure(
     "Tree",
-    places=Dense,
-    mass_matrix=Dense,
-    momentum=Matrix,
-    com=Row,
-    motions=Dense,
-    joints=Table,
-    shapes=Dense,
-    gravity=Row,
-    starts=Places,
-    columns=Places,
-    moved=OutFlags,
-    poses=(OutDense, "j", 12),
-    bodies=(OutDense, "j", 10),
-    rates=(OutDense, "j", 6),
-    drifts=(OutDense, "j", 6),
-    forces=(OutDense, "j", 6),
-    com_drift=(OutRow, 3),
-    momentum_drift=(OutRow, 6),
-    bias=(OutRow, "v"),
+    (Dense, "places mass_matrix motions shapes"),
+    (Matrix, "momentum"),
+    (Row, "com gravity"),
+    (Table, "joints"),
+    (Places, "starts columns"),
+    (OutFlags, "moved"),
+    (OutDense, "poses", "j", 12),
+    (OutDense, "bodies", "j", 10),
+    (OutDense, "rates drifts forces", "j", 6),
+    (OutRow, "com_drift", 3),
+    (OutRow, "momentum_drift", 6),
+    (OutRow, "bias", "v"),
 )
 """A robot at one state. World axes, spatial vectors at the world's origin, linear over angular.
 
@@ -69,31 +61,22 @@ whether the rest stands at the state, too. That `move_joints` writes.
 TreeMemory = Annotated[Any, TREE.kind]
 
 
-class RowKind(IntEnum):
-    """What rows are of.
-
-    FRAME is the velocity of a frame's origin over its angular one, in world axes. OWN is the
-    spatial velocity of a frame in its own axes. CENTER_OF_MASS is the velocity of that, MOMENTUM
-    the momentum about it, linear over angular. DISTANCE is the rate of the distance between two
-    frames, one row. BALANCE is the velocity of the centre of mass, steered by what
-    `PointFootBalanceTask` feeds back.
-    """
-
-    FRAME, OWN, CENTER_OF_MASS, MOMENTUM, DISTANCE, BALANCE = range(6)
-
-
-FRAME, OWN, CENTER_OF_MASS, MOMENTUM, DISTANCE, BALANCE = (int(kind) for kind in RowKind)
+KIND = numbered("frame own center_of_mass momentum distance balance")
+"""What rows are of: the velocity of a frame's origin over its angular one in world axes, the
+spatial velocity of a frame in its own axes, the velocity of the centre of mass, the momentum about
+it (linear over angular), the rate of the distance of two frames (one row), or the velocity of the
+centre of mass, steered by what `PointFootBalanceTask` feeds back."""
 NO_DISTANCE = 1e-6
 """[m] below which a distance has no direction worth the name."""
 
 ROWS = Structure(
     "Rows",
-    plan=Table,
-    offsets=Dense,
-    used=Places,
-    places=(OutDense, "e", 12),
-    jacobian=(OutDense, "k", "v"),
-    drift=(OutRow, "k"),
+    (Table, "plan"),
+    (Dense, "offsets"),
+    (Places, "used"),
+    (OutDense, "places", "e", 12),
+    (OutDense, "jacobian", "k", "v"),
+    (OutRow, "drift", "k"),
 )
 """Rows of entries e: J (k, nv) and dJ/dt v (k,).
 
@@ -172,11 +155,11 @@ def place_missing(rows: RowsMemory, e: int, target: Row, rates: Row, missing: Ou
     """
     plan, place, turn = rows.plan, rows.places[e], local(3)
     row, begin, width, step = plan[e, 2], plan[e, 3], plan[e, 4], plan[e, 5]
-    if plan[e, 0] != MOMENTUM and begin + (width - 1) * step >= 3:
+    if plan[e, 0] != KIND.momentum and begin + (width - 1) * step >= 3:
         place_turn(place, target, turn)
     for k in range(width):
         a = begin + k * step
-        if plan[e, 0] == MOMENTUM:
+        if plan[e, 0] == KIND.momentum:
             missing[row + k] = target[a] - rates[row + k]
         else:
             missing[row + k] = target[9 + a] - place[9 + a] if a < 3 else turn[a - 3]
@@ -252,7 +235,7 @@ def _place_whole(tree: TreeMemory, rows: RowsMemory, e: int, mass: float) -> Non
     """Write rows of the centre of mass, or those of the momentum where `mass` is one."""
     plan, jacobian, momentum = rows.plan, rows.jacobian, tree.momentum
     row, begin, count, step = plan[e, 2], plan[e, 3], plan[e, 4], plan[e, 5]
-    of_mass = plan[e, 0] != MOMENTUM
+    of_mass = plan[e, 0] != KIND.momentum
     for k in range(count):
         a = begin + k * step
         for j in range(jacobian.shape[1]):
@@ -283,10 +266,10 @@ def fill_state_rows(tree: TreeMemory, rows: RowsMemory, mass: float) -> None:
             continue
         kind, joint, row, place = plan[e, 0], plan[e, 1], plan[e, 2], rows.places[e]
         begin, count, step = plan[e, 3], plan[e, 4], plan[e, 5]
-        if kind in (CENTER_OF_MASS, MOMENTUM, BALANCE):
-            _place_whole(tree, rows, e, 1.0 if kind == MOMENTUM else mass)
+        if kind in (KIND.center_of_mass, KIND.momentum, KIND.balance):
+            _place_whole(tree, rows, e, 1.0 if kind == KIND.momentum else mass)
             continue
-        if kind == DISTANCE:
+        if kind == KIND.distance:
             _place_distance(tree, rows, e)
             continue
         product(tree.poses[joint], offsets[e], place)
@@ -296,12 +279,12 @@ def fill_state_rows(tree: TreeMemory, rows: RowsMemory, mass: float) -> None:
         for column in tree.columns[tree.starts[joint] : tree.starts[joint + 1]]:
             copy_to(tree.motions[column], six)
             add_cross(1.0, tree.motions[column, 3:], touches, six)
-            if kind == OWN:
+            if kind == KIND.own:
                 _turn_back(place, six)
             for k in range(count):
                 jacobian[row + k, column] = six[begin + k * step]
         copy_to(tree.drifts[joint], six)
-        if kind == OWN:
+        if kind == KIND.own:
             add_cross(1.0, tree.drifts[joint, 3:], place[9:], six)
             _turn_back(place, six)
         else:
@@ -488,11 +471,9 @@ def _places(model: pin.Model, data: pin.Data) -> FloatArray:
     view = as_strided(first, (model.njoints, 12), (_PLACE, 8))
     moved = np.sin(np.arange(1.0, model.nv + 1.0))  # every joint by another amount
     pin.forwardKinematics(model, data, pin.integrate(model, pin.neutral(model), moved))
-    for i in range(model.njoints):
-        place = data.oMi[i]
-        own = np.concatenate([place.rotation.T.reshape(-1), place.translation])
-        if first.base is None or not np.array_equal(view[i], own):
-            raise ControlError("this version of pinocchio lays out placements in an unknown way.")
+    own = [np.append(place.rotation.T, place.translation) for place in data.oMi]
+    if first.base is None or not np.array_equal(view, own):
+        raise ControlError("this version of pinocchio lays out placements in an unknown way.")
     return view
 
 
@@ -500,7 +481,7 @@ class StateRows(NamedTuple):
     """Rows that follow from the state alone, so that they are evaluated with all others.
 
     Attributes:
-        kind: what they are of.
+        kind: what they are of, see `KIND`.
         frame: name of the frame, "" where they are of the whole robot.
         rows: which of its rows, linear over angular.
         arm: (3,) [m] world axes, from the point of a rolling ball that touches to its centre; of a
@@ -508,7 +489,7 @@ class StateRows(NamedTuple):
         other: name of the frame whose distance or pitch is meant.
     """
 
-    kind: RowKind
+    kind: int
     frame: str
     rows: slice
     arm: tuple[float, float, float] = (0.0, 0.0, 0.0)

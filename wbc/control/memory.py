@@ -12,18 +12,16 @@ from wbc.structures import Structure, numbered
 
 TASKS = Structure(
     "Tasks",
+    (Dense, "targets", "e", 12),
+    (Places, "chosen positions"),
+    (Row, "goals", "c"),
+    (Dense, "gains", 5, "k"),
+    (Row, "limits weights", "k"),
+    (OutDense, "parts", 5, "k"),
+    (OutRow, "wanted", "k"),
+    (Row, "diagonal", "v"),
+    (OutRow, "pull", "v"),
     rows=RowsMemory,
-    targets=(Dense, "e", 12),
-    chosen=Places,
-    positions=Places,
-    goals=(Row, "c"),
-    gains=(Dense, 5, "k"),
-    limits=(Row, "k"),
-    weights=(Row, "k"),
-    parts=(OutDense, 5, "k"),
-    wanted=(OutRow, "k"),
-    diagonal=(Row, "v"),
-    pull=(OutRow, "v"),
 )
 """The tasks of a level: k rows J qdd = wanted, and c rows that select coordinates.
 
@@ -34,7 +32,9 @@ rows also the summed weights (nv,) and, as a result, the weighted pull (nv,).
 """
 TasksMemory = Annotated[Any, TASKS.kind]
 
-CONTACTS = Structure("Contacts", rows=RowsMemory, damping=Row, target=(OutRow, "k"), corners=Dense)
+CONTACTS = Structure(
+    "Contacts", (Row, "damping"), (OutRow, "target", "k"), (Dense, "corners"), rows=RowsMemory
+)
 """The contacts that are active: rows J qdd = target (k,), with damping (k,) [1/s].
 
 corners (c, 4): number of the entry of the rows, and a point of its frame [m] on which it rests.
@@ -43,38 +43,15 @@ ContactsMemory = Annotated[Any, CONTACTS.kind]
 
 GEARS = Structure(
     "Gears",
-    driven=Places,
-    from_joints=Dense,
-    topology=Dense,
-    inverse_ratio=Row,
-    mass=Dense,
-    rotor=Dense,
-    dry=Row,
-    viscous=Row,
-    rotor_added=(Row, "m"),
-    rest=(Row, "m"),
-    forward=(Row, "m"),
-    backward=(Row, "m"),
-    lower=Row,
-    upper=Row,
-    laws=Table,
-    numbers=Dense,
-    drives=Dense,
-    effects=(Row, "v"),
-    rubbing=(Row, "v"),
-    learned=(Row, "v"),
-    predicted=Row,
-    bound=Row,
-    inertia=Dense,
-    blend=Row,
-    bias=(OutRow, "v"),
-    rotor_bias=(OutRow, "m"),
-    disturbance=(OutRow, "v"),
-    smooth=(OutRow, "v"),
-    rubs=(OutRow, "v"),
-    turning=(OutRow, "m"),
-    sigma=(OutRow, "m"),
-    slopes=(OutDense, 2, "m"),
+    (Places, "driven"),
+    (Dense, "from_joints topology mass rotor numbers drives inertia"),
+    (Row, "inverse_ratio dry viscous lower upper predicted bound blend"),
+    (Row, "rotor_added rest forward backward", "m"),
+    (Table, "laws"),
+    (Row, "effects rubbing learned", "v"),
+    (OutRow, "bias disturbance smooth rubs", "v"),
+    (OutRow, "rotor_bias turning sigma", "m"),
+    (OutDense, "slopes", 2, "m"),
 )
 """The gears of a controller, m of them on nv coordinates, and what acts on them in a tick.
 
@@ -92,31 +69,24 @@ GearsMemory = Annotated[Any, GEARS.kind]
 
 PROGRAM = Structure(
     "Program",
+    (OutRow, "position", "q"),
+    (OutRow, "velocity expected corrected", "v"),
+    (OutRow, "step", 1),
+    (Places, "limited undriven ends"),
+    (OutDense, "map", "m", "n"),
+    (OutRow, "output_bias output", "m"),
+    (OutPlaces, "counts", 3),
+    (Row, "numbers"),
+    (Dense, "efforts effort_kinds"),
+    (OutPlaces, "positive", "m"),
+    (OutRow, "stated_lower stated_upper"),
     tree=TreeMemory,
     tasks=TasksMemory,
     contacts=ContactsMemory,
     gears=GearsMemory,
     joints=JointsMemory,
     solver=SolverMemory,
-    position=(OutRow, "q"),
-    velocity=(OutRow, "v"),
-    expected=(OutRow, "v"),
-    corrected=(OutRow, "v"),
-    step=(OutRow, 1),
-    limited=Places,
-    map=(OutDense, "m", "n"),
-    output_bias=(OutRow, "m"),
-    undriven=Places,
     joint=Count,
-    counts=(OutPlaces, 3),
-    ends=Places,
-    numbers=Row,
-    efforts=Dense,
-    effort_kinds=Dense,
-    output=(OutRow, "m"),
-    positive=(OutPlaces, "m"),
-    stated_lower=OutRow,
-    stated_upper=OutRow,
 )
 """The program of one level for one set of contacts. Its rows: tasks, efforts, balance of the
 undriven coordinates, contacts, what a more important level has decided.

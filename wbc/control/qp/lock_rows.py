@@ -24,16 +24,12 @@ _NARROW = 3e-5
 
 LOCK = Structure(
     "Lock",
-    above=(OutDense, "a", "n"),
-    left=(OutDense, "k", "n"),
-    kept=(OutDense, "k", "n"),
-    scaled=(OutDense, "k", "n"),
-    binding=(OutDense, "r", "n"),
-    places=(OutPlaces, "r"),
-    free=(OutDense, "k", "n"),
-    scales=(OutRow, "n"),
-    decided=(OutPlaces, "r"),
-    ends=(OutPlaces, 3),
+    (OutDense, "above", "a", "n"),
+    (OutDense, "left kept scaled free", "k", "n"),
+    (OutDense, "binding", "r", "n"),
+    (OutPlaces, "places decided", "r"),
+    (OutRow, "scales", "n"),
+    (OutPlaces, "ends", 3),
 )
 """Memory of `hold`: the rows of all more important tasks (a, n), and room for as many rows as there
 are equalities, bounds and variables. `ends` (3,): how many orthonormal rows in `kept` are

@@ -256,7 +256,6 @@ class Program:
         starts = [self.at[PART.by_gear].start + m * row for row in range(len(GEAR))]
         self.rows = [slice(start, start + m) for start in starts]
         self._lay_out_rows(cost, most, rank, ends)
-        self._bounded = [bound.contact for bound in contacts.contacts]
         self._ceilings: Mapping[str, float] | None = None
         room = max(most + self.n, self.bounds, above)
         sizes = {"a": above, "n": self.n, "k": room, "r": self.bounds}
@@ -326,10 +325,11 @@ class Program:
         memory.counts[COUNT.hard] = self.unlocked
         if ceilings is not self._ceilings:
             lower, upper, scale = memory.stated_lower, memory.stated_upper, self.force_scale
-            for row, contact in enumerate(self._bounded, self.normal.start):
-                top = min(contact.normal_maximum, ceilings[contact.name])
+            for row, bound in enumerate(self.contacts.contacts, self.normal.start):
+                top = min(bound.contact.normal_maximum, ceilings[bound.name])
                 upper[row] = min(top / scale, INFINITE)
-                lower[row] = min(contact.normal_minimum, top) / scale  # a low ceiling lowers it
+                # a low ceiling lowers it
+                lower[row] = min(bound.contact.normal_minimum, top) / scale
             self._ceilings = ceilings
         if apart is not None:
             memory.solver.C[self.distance, : self.nv] = apart.rows

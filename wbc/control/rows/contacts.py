@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from wbc.arrays import FloatArray, IntArray, checked, frozen, must
 from wbc.control.inputs import Checked
-from wbc.control.kinematics import Kinematics, RowKind, StateRows, fill_state_rows, rows_of
+from wbc.control.kinematics import KIND, Kinematics, StateRows, fill_state_rows, rows_of
 from wbc.control.memory import CONTACTS
 from wbc.dynamics.batch import point_jacobians
 from wbc.errors import ControlError, require_known
@@ -141,9 +141,8 @@ class PointContact(Contact):
             raise ControlError(f"contact '{self.name}' cannot move along z on '{robot.name}'.")
         mu = point.friction if self.friction is None else self.friction
         matrix = friction_rows(mu, len(axes))
-        turn = self._ground_axes(axes)
-        up = np.array(self.ground_normal)
-        x, y, z = (point.radius / np.linalg.norm(up) * up).tolist()
+        up = np.array(self.ground_normal) / np.linalg.norm(self.ground_normal)
+        turn, (x, y, z) = self._ground_axes(axes, up), (point.radius * up).tolist()
         step = axes[1] - axes[0] if len(axes) > 1 else 1
         rows = slice(axes[0], axes[-1] + 1, step)
         level = np.linalg.norm(turn[-1][:-1]) < _LEVEL
@@ -153,14 +152,12 @@ class PointContact(Contact):
             labels=tuple((f"friction cone, face {i}", "N") for i in range(len(matrix))),
             normal=frozen(turn[-1]),
             axes=frozen(axes, np.int_),
-            state_rows=StateRows(RowKind.FRAME, f"contact:{self.name}", rows, (x, y, z)),
+            state_rows=StateRows(KIND.frame, f"contact:{self.name}", rows, (x, y, z)),
             corners=np.zeros((1 if level else 0, 3)),
         )
 
-    def _ground_axes(self, axes: list[int]) -> FloatArray:
+    def _ground_axes(self, axes: list[int], normal: FloatArray) -> FloatArray:
         """Return two tangents and the normal of the ground as rows over the movable axes."""
-        normal = np.array(self.ground_normal)
-        normal /= np.linalg.norm(normal)
         fixed = [axis for axis in range(3) if axis not in axes]
         if np.abs(normal[fixed]).max(initial=0.0) > 1e-9:
             raise ControlError(
@@ -240,7 +237,7 @@ class SurfaceContact(Contact):
             normal=np.eye(6)[2],
             axes=frozen(np.arange(6), np.int_),
             size=6,
-            state_rows=StateRows(RowKind.OWN, name, slice(0, 6)),
+            state_rows=StateRows(KIND.own, name, slice(0, 6)),
             corners=offsets - middle,
             frames=(pin.Frame(name, parent.parentJoint, number, placement, pin.OP_FRAME),),
         )

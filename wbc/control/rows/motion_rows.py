@@ -7,14 +7,7 @@ from math import atan2, isfinite, sqrt
 import numpy as np
 
 from wbc.compiled import Dense, Row, compiled, inner, local
-from wbc.control.kinematics import (
-    BALANCE,
-    CENTER_OF_MASS,
-    RowsMemory,
-    TreeMemory,
-    fill_state_rows,
-    place_missing,
-)
+from wbc.control.kinematics import KIND, RowsMemory, TreeMemory, fill_state_rows, place_missing
 from wbc.control.memory import COUNT, NUMBER, ProgramMemory
 from wbc.control.qp.active_set import place_row
 from wbc.control.qp.linalg import factorise_from, substitute
@@ -51,13 +44,12 @@ def keep_over_feet(program: ProgramMemory, vx: float, vy: float, row: int) -> No
     wanted, com, count = program.tasks.wanted, tree.com, len(corners)
     if count < 3:
         return
-    points, mx, my, height = np.empty((count, 3)), 0.0, 0.0, com[2]
+    points = np.empty((count, 3))
     for i in range(count):
         e = int(corners[i, 0])
         placed_at(rows.places[e], corners[i, 1:], points[i])
         add_times(-1.0, rows.offsets[e, 12:15], points[i])
-        mx, my = mx + points[i, 0] / count, my + points[i, 1] / count
-        height -= points[i, 2] / count
+    mx, my, height = points[:, 0].mean(), points[:, 1].mean(), com[2] - points[:, 2].mean()
     if height <= 0.0:
         return
     pole = sqrt(-tree.gravity[2] / height)
@@ -183,7 +175,7 @@ def want(program: ProgramMemory) -> None:
     for e in range(len(plan)):
         if rows.used[e] == 0:
             continue
-        if plan[e, 0] == BALANCE:
+        if plan[e, 0] == KIND.balance:
             parts[0, plan[e, 2]] = balancing(tree, rows, e, velocity, mass, targets[e, 9])
         else:
             place_missing(rows, e, targets[e], parts[1], parts[0])
@@ -199,7 +191,7 @@ def want(program: ProgramMemory) -> None:
     for e in range(len(plan)):
         row, both = plan[e, 2], plan[e, 3] == 0 and plan[e, 4] > 1 and plan[e, 5] == 1
         limited = both and rows.used[e] != 0 and tasks.limits[row] < np.inf
-        if plan[e, 0] == CENTER_OF_MASS and limited:
+        if plan[e, 0] == KIND.center_of_mass and limited:
             moves = abs(parts[3, row]) + abs(parts[3, row + 1])
             if moves + abs(parts[4, row]) + abs(parts[4, row + 1]) == 0.0:
                 keep_over_feet(program, parts[1, row], parts[1, row + 1], row)

@@ -15,8 +15,8 @@ from wbc.arrays import FloatArray, IntArray, must, reals
 from wbc.compiled import Dense, compiled
 from wbc.control.inputs import Checked, Target
 from wbc.control.kinematics import (
+    KIND,
     Kinematics,
-    RowKind,
     StateRows,
     fill_state_rows,
     frame_number,
@@ -130,7 +130,7 @@ class StateTask(Task):
         own_rows: which of the six it has.
     """
 
-    kind: ClassVar[RowKind]
+    kind: ClassVar[int]
     own_rows: ClassVar[slice] = slice(0, 6)
 
     def __post_init__(self) -> None:
@@ -185,7 +185,7 @@ class StateTask(Task):
 
         A rotation row by row stands before the translation or the number of a distance or pitch.
         """
-        return (place if self.kind is RowKind.MOMENTUM else place[9:])[self.rows()]
+        return (place if self.kind == KIND.momentum else place[9:])[self.rows()]
 
     def pack(self, target: Target, place: FloatArray) -> None:
         """Write a target, as `admitted` returns it, to where the tick reads it (12,)."""
@@ -335,7 +335,7 @@ class FrameTask(StateTask):
     """
 
     frame: str
-    kind: ClassVar[RowKind] = RowKind.FRAME
+    kind: ClassVar[int] = KIND.frame
 
     @property
     def state_rows(self) -> StateRows:
@@ -415,7 +415,7 @@ class FrameDistanceTask(StateTask):
     name: str = "distance"
     frame: str
     other: str
-    kind: ClassVar[RowKind] = RowKind.DISTANCE
+    kind: ClassVar[int] = KIND.distance
     own_rows: ClassVar[slice] = slice(0, 1)
 
     @property
@@ -440,7 +440,7 @@ class CenterOfMassTask(AxesTask):
 
     name: str = "center_of_mass"
     acceleration_limit: float = 9.81
-    kind: ClassVar[RowKind] = RowKind.CENTER_OF_MASS
+    kind: ClassVar[int] = KIND.center_of_mass
 
 
 @final
@@ -464,7 +464,7 @@ class CapturePointTask(StateTask):
     stiffness: float = 5.0
     acceleration_limit: float = 9.81
     height: float = field(metadata=must("> 0 m and < inf"))
-    kind: ClassVar[RowKind] = RowKind.CENTER_OF_MASS
+    kind: ClassVar[int] = KIND.center_of_mass
     own_rows: ClassVar[slice] = slice(0, 2)
 
     def value(self, kinematics: Kinematics) -> FloatArray:
@@ -491,7 +491,7 @@ class MomentumTask(StateTask):
     """
 
     stiffness: float = 10.0
-    kind: ClassVar[RowKind] = RowKind.MOMENTUM
+    kind: ClassVar[int] = KIND.momentum
 
     def value(self, kinematics: Kinematics) -> FloatArray:
         """Return h (k,) [kg m/s, N m s]."""
@@ -553,7 +553,7 @@ class PointFootBalanceTask(StateTask):
     contact: str
     frame: str
     bandwidth: float | None = field(default=None, metadata=must("> 0 1/s"))
-    kind: ClassVar[RowKind] = RowKind.BALANCE
+    kind: ClassVar[int] = KIND.balance
     own_rows: ClassVar[slice] = slice(0, 1)
 
     @property
