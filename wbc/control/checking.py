@@ -43,7 +43,7 @@ def check_task(
         position, velocity, acceleration: (nq,), (nv,), (nv,) of the motion to go along.
     """
     task.check(robot)
-    here, ahead, behind = states = _along(robot, position, velocity, acceleration, ())
+    here, ahead, behind = states = _along(robot, (), position, velocity, acceleration)
     target, rate = task.value(here), task.jacobian(here) @ velocity
     if np.shape(target) == rate.shape and np.allclose(target, rate, rtol=1e-9, atol=1e-9):
         gone = -np.asarray(target)
@@ -62,7 +62,7 @@ def check_contact(
 ) -> float:
     """Return how far J qdd + dJ/dt v of a contact is from the central difference of J v."""
     bound, rows = contact.bind(robot), []
-    for kinematics in _along(robot, position, velocity, acceleration, bound.frames):
+    for kinematics in _along(robot, bound.frames, position, velocity, acceleration):
         contacts = ContactSet((bound,), kinematics.model)
         contacts.fill(kinematics)
         found = contacts.memory.rows
@@ -81,16 +81,11 @@ def _drift_error(
 
 
 def _along(
-    robot: Robot,
-    position: FloatArray,
-    velocity: FloatArray,
-    acceleration: FloatArray,
-    frames: Sequence[pin.Frame],
+    robot: Robot, frames: Sequence[pin.Frame], q: FloatArray, v: FloatArray, a: FloatArray
 ) -> list[Kinematics]:
     """Return the kinematics at a state, and a step after and before it at constant acceleration."""
     found = [Kinematics(robot, frames) for _ in range(3)]
     for kinematics, time in zip(found, (0.0, _STEP, -_STEP), strict=True):
-        moved = time * velocity + 0.5 * time**2 * acceleration
-        q = pin.integrate(robot.model, position, moved)
-        kinematics.update(q, velocity + time * acceleration)
+        place = pin.integrate(robot.model, q, time * v + 0.5 * time**2 * a)
+        kinematics.update(place, v + time * a)
     return found

@@ -12,15 +12,7 @@ from wbc.control.memory import GEARS
 from wbc.control.rows.limits import RotorTorqueLimit
 from wbc.control.settings import ControllerSettings, RestPolicy
 from wbc.dynamics.equation import rotor_coupling
-from wbc.effects.tables import (
-    COEFFICIENT,
-    add_torques,
-    effect_table,
-    fill_commands,
-    fill_efficiencies,
-    fill_joint_torques,
-    left_for_hooks,
-)
+from wbc.effects import tables
 from wbc.robot import Motion, Robot
 
 
@@ -65,11 +57,11 @@ class GearModel:
         self.coupled = robot.rotors_turn_with_links
         bounded = np.isfinite(gears.torque_limit) & (limit is not None)
         self.limited: IntArray = np.flatnonzero(bounded)
-        self._table, self._effects = effect_table(robot), left_for_hooks(robot)
+        self._table, self._effects = tables.effect_table(robot), tables.left_for_hooks(robot)
         asked = frozenset[str]().union(*[effect.acts_by for effect in self._effects])
         self.differs = bool(asked & {"rotor_torque", "drive_inverse"})
         self._pushed = bool(asked & {"joint_torque", "joint_friction", "rotor_torque"})
-        self._gears_act = bool(self._table.gears[:, COEFFICIENT].any())
+        self._gears_act = bool(self._table.gears[:, tables.COEFFICIENT].any())
         varies = limit is not None and (limit.knee is not None or "rotor_torque" in asked)
         self._varying = limit if varies else None
         self._contacts: object = None
@@ -119,7 +111,7 @@ class GearModel:
         if self._gears_act:
             gears, now = self.robot.transmission, np.empty((2, self.size))
             given = gears.forward_efficiency, gears.backward_efficiency
-            fill_efficiencies(self._table.gears, self.speed(motion.velocity), *given, *now)
+            tables.fill_efficiencies(self._table.gears, self.speed(motion.velocity), *given, *now)
             self._take_efficiencies(*now)
         if self._varying is not None:
             speed = self._ratio * self.speed(motion.velocity)
@@ -140,7 +132,7 @@ class GearModel:
         nv = len(self.memory.bias)
         totals = np.zeros(nv), np.zeros(nv), np.zeros(self.size)
         for effect in self._effects:
-            add_torques(self.robot, effect, motion, totals)
+            tables.add_torques(self.robot, effect, motion, totals)
         return totals
 
     def _take_efficiencies(self, forward: FloatArray, backward: FloatArray) -> None:
@@ -163,7 +155,7 @@ class GearModel:
         """Return the torque of effects on the coordinates (nv,), dry friction left out."""
         state = np.ascontiguousarray(motion.position), np.ascontiguousarray(motion.velocity)
         smooth, dry = np.empty_like(self.memory.bias), np.empty_like(self.memory.bias)
-        fill_joint_torques(self._table.joints, self._table.numbers, *state, smooth, dry)
+        tables.fill_joint_torques(self._table.joints, self._table.numbers, *state, smooth, dry)
         return np.asarray(smooth + self._exerted(motion)[0] if self._pushed else smooth)
 
     def _take_limits(
@@ -198,7 +190,7 @@ class GearModel:
         rotor = torque * self.memory.inverse_ratio
         if self.differs:
             rotor -= self._exerted(motion)[2]
-        fill_commands(self._table.drives, rotor, rotor)
+        tables.fill_commands(self._table.drives, rotor, rotor)
         for effect in reversed(self._effects):
             rotor = effect.drive_inverse(self.robot, motion, rotor)
         return np.asarray(rotor)

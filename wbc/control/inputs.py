@@ -58,6 +58,10 @@ class Checked(Ranged):
 
     _raised = ControlError
 
+    def wrong(self, what: str) -> ControlError:
+        """Return the error that says what is wrong with it."""
+        return ControlError(self._told.format(self) + what)
+
 
 Complaint = tuple[Status, str]
 

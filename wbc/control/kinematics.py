@@ -12,21 +12,7 @@ import pinocchio as pin
 from numpy.lib.stride_tricks import as_strided
 
 from wbc.arrays import FloatArray, frozen
-from wbc.compiled import (
-    Dense,
-    Matrix,
-    OutDense,
-    OutFlags,
-    OutRow,
-    Places,
-    Row,
-    Table,
-    Vector,
-    compiled,
-    inner,
-    local,
-    view,
-)
+from wbc.compiled import Dense, OutDense, OutRow, Places, Row, Table, compiled, inner, local, view
 from wbc.dynamics import Workspace
 from wbc.errors import ControlError, unknown_name
 from wbc.mechanics.inertia import bodies_at, move_bodies
@@ -37,12 +23,11 @@ from wbc.structures import Structure, numbered
 
 TREE = Structure(
     "Tree",
-    (Dense, "places mass_matrix motions shapes"),
-    (Matrix, "momentum"),
+    (Dense, "places mass_matrix momentum motions shapes"),
     (Row, "com gravity"),
     (Table, "joints"),
     (Places, "starts columns"),
-    (OutFlags, "moved"),
+    (OutRow, "moved", 1),
     (OutDense, "poses", "j", 12),
     (OutDense, "bodies", "j", 10),
     (OutDense, "rates drifts forces", "j", 6),
@@ -52,11 +37,11 @@ TREE = Structure(
 )
 """A robot at one state. World axes, spatial vectors at the world's origin, linear over angular.
 
-momentum A_g (6, nv), places (j, 12) of joints, rotation column by column before translation,
+momentum (nv, 6) = A_g', places (j, 12) of joints, rotation column by column before translation,
 motions (nv, 6) = J', mass_matrix (nv, nv) and com (3,) are pinocchio's own memory. joints and
 shapes are those of a `Tree` (`wbc.mechanics.kinematics`), without axes and placements, behind a
-world without mass; from starts on stand the columns of J that move each joint; moved (1,) says
-whether the rest stands at the state, too. That `move_joints` writes.
+world without mass; from starts on stand the columns of J that move each joint; moved (1,) is one
+where the rest stands at the state, too, else zero. That `move_joints` writes.
 """
 TreeMemory = Annotated[Any, TREE.kind]
 
@@ -89,15 +74,15 @@ RowsMemory = Annotated[Any, ROWS.kind]
 
 
 @compiled
-def move_joints(tree: TreeMemory, velocity: Vector) -> None:
+def move_joints(tree: TreeMemory, velocity: Row) -> None:
     """Write the spatial velocity V and drift A = dJ/dt v of every joint, and what follows, once.
 
     At v (nv,), where pinocchio's part stands at the state. The sum of all forces, taken about the
     centre of mass and without the weight, is dA_g/dt v.
     """
-    if tree.moved[0]:
+    if tree.moved[0] > 0.0:
         return
-    tree.moved[0] = True
+    tree.moved[0] = 1.0
     places, poses, whole = tree.places, tree.poses, tree.momentum_drift
     com, force, gravity = tree.com, tree.forces[0], tree.gravity
     for i in range(len(places)):
@@ -239,7 +224,7 @@ def _place_whole(tree: TreeMemory, rows: RowsMemory, e: int, mass: float) -> Non
     for k in range(count):
         a = begin + k * step
         for j in range(jacobian.shape[1]):
-            jacobian[row + k, j] = momentum[a, j] / mass
+            jacobian[row + k, j] = momentum[j, a] / mass
         rows.drift[row + k] = tree.com_drift[a] if of_mass else tree.momentum_drift[a]
     for a in range(3):
         rows.places[e, 9 + a] = tree.com[a] if of_mass else 0.0
@@ -374,7 +359,7 @@ class Kinematics:
             {"j": model.njoints, "v": nv},
             places=_places(model, data),
             mass_matrix=self.mass_matrix,
-            momentum=data.Ag.reshape(6, nv),  # one column comes as a vector
+            momentum=data.Ag.reshape(6, nv).T,  # one column comes as a vector
             com=data.com[0],
             motions=data.J.reshape(6, nv).T,
             joints=np.insert(joints, 0, [-1, -1, 0, 0, 0], axis=0),
@@ -382,7 +367,6 @@ class Kinematics:
             gravity=frozen(model.gravity.linear),
             starts=np.cumsum([0, *map(len, columns)]),
             columns=np.array(list(chain(*columns)), dtype=np.int_),
-            moved=np.zeros(1, np.bool_),
         )
         self.bias: FloatArray = self.tree.bias
 
@@ -404,11 +388,11 @@ class Kinematics:
         self.position, self.velocity = position, velocity
         # leaves J, A_g and the CoM as well
         pin.crba(self.model, self._data, position, _AXES)
-        self._moved = self.tree.moved[0] = False
+        self._moved, self.tree.moved[0] = False, 0.0
 
     def move(self) -> None:
         """Evaluate velocities and accelerations at the state that was taken."""
-        move_joints(self.tree, self.velocity)
+        move_joints(self.tree, np.ascontiguousarray(self.velocity))
         if not self.known_by_joints:
             self._ask_pinocchio()
 
@@ -422,6 +406,12 @@ class Kinematics:
         tree.com_drift[:] = data.acom[0]
         pin.computeCentroidalMomentumTimeVariation(self.model, data)
         tree.momentum_drift[:] = data.dhg.vector
+
+    def evaluated(self, rows: StateRows) -> Any:
+        """Return the ROWS of these alone at the present state."""
+        found = rows_of(self.model, [rows], [0], len(range(*rows.rows.indices(6))))
+        fill_state_rows(self.tree, found, self.mass)
+        return found
 
     def place_solids(self, geometry: pin.GeometryModel, data: pin.GeometryData) -> None:
         """Write the placements of solids at the present state."""

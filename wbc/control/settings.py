@@ -89,10 +89,7 @@ class DisturbanceObserver(Checked):
         """
         bound = np.asarray(self.bound, dtype=np.float64)
         if bound.shape not in ((), (nv,)):
-            raise ControlError(
-                f"disturbance observer: bound has shape {bound.shape}, expected ({nv},) or one "
-                "number."
-            )
+            raise self.wrong(f"bound has shape {bound.shape}, expected ({nv},) or one number.")
         return np.array(np.broadcast_to(bound, (nv,)))
 
 

@@ -15,7 +15,7 @@ from wbc.control.inputs import TOO_LARGE, Complaint
 from wbc.control.memory import COUNT, GEAR, PART
 from wbc.control.qp.active_set import FEW, STEPS, keep_hopeful
 from wbc.control.qp.lock_rows import extend_by_bounds, hold, let_pass, place_above, place_lock
-from wbc.control.qp.program import Program, Recipe, place_prices
+from wbc.control.qp.program import Program, Recipe, place_prices, written
 from wbc.control.qp.search import GUESSES, SMALL, contested, try_bounds, weigh
 from wbc.control.qp.solvers import Daqp, QPProblem, QPSolution, QPStatus, WarmStart, solve
 from wbc.control.rows.contacts import ContactRamp, ContactSet, drawn_poses
@@ -417,7 +417,7 @@ class Level:
         costs = solver.diagonal.copy(), solver.pull.copy()
         place_prices(program.memory, wanted)
         try:
-            H, g, rows, lower, upper = program.written()
+            H, g, rows, lower, upper = written(program.memory, wanted)
             bounds = [(lower[i], upper[i]) for i in ((0, 1) if self._limits else (1,))]
             # each may take one iteration more than it is allowed
             most = self._most - self.iterations - _GUESS - len(bounds)

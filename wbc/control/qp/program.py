@@ -130,25 +130,23 @@ def add_square(row: Row, right: float, weight: float, H: OutDense, g: OutRow) ->
             add_times(share, row, H[i])
 
 
-@compiled(counted=False)
-def write_out(
-    program: ProgramMemory,
-    wanted: Places,
-    H: OutDense,
-    g: OutRow,
-    rows: OutDense,
-    lower: OutDense,
-    upper: OutDense,
-) -> None:
-    """Write Hessian (n, n), gradient (n,), and e equalities over r bounds, rows (e + r, n).
+@compiled
+def written(
+    program: ProgramMemory, wanted: Places
+) -> tuple[OutDense, OutRow, OutDense, OutDense, OutDense]:
+    """Return a program as it stands: Hessian (n, n), gradient (n,), and e equalities over r bounds.
+
+    Of these the rows (e + r, n), and what lies below and above them (2, e + r): without limits of
+    joints and distances, and all.
 
     Args:
         wanted: (r,) 1 or -1 for bounds that are tasks for the time being, as well.
-        lower, upper: results (2, e + r): without limits of joints and distances, and all.
     """
     solver, counts, hard = program.solver, program.counts, program.counts[COUNT.hard]
-    H[:] = 0.0
-    for j in range(len(g)):
+    n, count = len(solver.diagonal), hard + len(wanted)
+    H, g, rows = np.zeros((n, n)), np.empty(n), np.empty((count, n))
+    lower, upper = np.empty((2, count)), np.empty((2, count))
+    for j in range(n):
         H[j, j], g[j] = solver.diagonal[j], -solver.pull[j]
     for i in range(counts[COUNT.cost]):
         add_square(solver.rows[i], solver.right[i], 1.0 / solver.softness[i], H, g)
@@ -163,6 +161,7 @@ def write_out(
             add_square(solver.C[i], right, 1.0 / solver.give[i], H, g)
         if i >= program.joint:
             lower[0, hard + i], upper[0, hard + i] = -INFINITE, INFINITE
+    return H, g, rows, lower, upper
 
 
 @compiled
@@ -192,17 +191,18 @@ def place_prices(program: ProgramMemory, wanted: OutPlaces) -> None:
 
 
 @compiled
-def place_excess(program: ProgramMemory, x: Row, z: Row, beyond: OutRow, push: OutRow) -> None:
-    """Write by how much x (n,) passes each bound (r,), and how hard it pushes with z (r,).
+def excess_of(program: ProgramMemory, x: Row, z: Row) -> OutDense:
+    """Return by how much x (n,) passes each bound (r,), and how hard it pushes with z (r,).
 
     A limit that is a task and not passed pushes nothing: it gives way itself.
     """
-    solver, start = program.solver, program.joint
+    solver, start, found = program.solver, program.joint, np.empty((2, len(z)))
     for i in range(len(z)):
         value, high, low = dot(solver.C[i], x), solver.upper[i], solver.lower[i]
-        beyond[i] = max(value - high, low - value, 0.0)
-        gives = i >= start and (high < 0.0 or low > 0.0) and beyond[i] == 0.0
-        push[i] = 0.0 if gives else abs(z[i]) * sqrt(dot(solver.C[i], solver.C[i]))
+        found[0, i] = max(value - high, low - value, 0.0)
+        gives = i >= start and (high < 0.0 or low > 0.0) and found[0, i] == 0.0
+        found[1, i] = 0.0 if gives else abs(z[i]) * sqrt(dot(solver.C[i], solver.C[i]))
+    return found
 
 
 class Program:
@@ -359,9 +359,7 @@ class Program:
 
     def excess(self, solution: QPSolution) -> FloatArray:
         """Return by how much each bound is passed (r,), and how hard it pushes (r,)."""
-        found = np.empty((2, self.bounds))
-        place_excess(self.memory, solution.x, solution.z, found[0], found[1])
-        return found
+        return excess_of(self.memory, solution.x, solution.z)
 
     def told(self, excess: FloatArray) -> tuple[dict[str, float], str]:
         """Return what limits are passed, by how much [rad/s^2 or m/s^2], and that in words."""
@@ -381,17 +379,10 @@ class Program:
         told = f"{worst} is passed by {found[worst]:.3g} per s^2{more}: {stops} leaves no more."
         return found, told
 
-    def written(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return Hessian, gradient, rows and their bounds as they stand, see `write_out`."""
-        count = int(self.memory.counts[COUNT.hard]) + self.bounds
-        H, g, rows = np.empty((self.n, self.n)), np.empty(self.n), np.empty((count, self.n))
-        lower, upper = np.empty((2, count)), np.empty((2, count))
-        write_out(self.memory, self.wanted, H, g, rows, lower, upper)
-        return H, g, rows, lower, upper
-
     def dense(self) -> QPProblem:
         """Return a copy of the program as it stands, Hessian and gradient written out."""
-        (H, g, rows, lower, upper), hard = self.written(), int(self.memory.counts[COUNT.hard])
+        H, g, rows, lower, upper = written(self.memory, self.wanted)
+        hard = int(self.memory.counts[COUNT.hard])
         low, high = lower[1, hard:], upper[1, hard:]
         return QPProblem(H, g, rows[:hard], upper[1, :hard], rows[hard:], low, high)
 

@@ -160,10 +160,8 @@ class PointContact(Contact):
         """Return two tangents and the normal of the ground as rows over the movable axes."""
         fixed = [axis for axis in range(3) if axis not in axes]
         if np.abs(normal[fixed]).max(initial=0.0) > 1e-9:
-            raise ControlError(
-                f"contact '{self.name}': ground_normal leans along {'xyz'[fixed[0]]}, in which "
-                "the robot cannot move."
-            )
+            way = "xyz"[fixed[0]]
+            raise self.wrong(f"ground_normal leans along {way}, in which the robot cannot move.")
         along = np.array([normal[2], 0.0, -normal[0]])
         along /= np.linalg.norm(along)
         return np.array([along, np.cross(normal, along), normal])[np.ix_(axes, axes)]
@@ -204,26 +202,20 @@ class SurfaceContact(Contact):
         """
         points = [robot.contact(name) for name in self.corners]
         if len(points) < 3:
-            raise ControlError(f"contact '{self.name}': a surface has at least three corners.")
+            raise self.wrong("a surface has at least three corners.")
         if len({point.frame for point in points}) > 1:
-            raise ControlError(
-                f"contact '{self.name}': the corners sit in several frames: "
-                + ", ".join(f"'{p.name}' in '{p.frame}'" for p in points)
-            )
+            told = ", ".join(f"'{point.name}' in '{point.frame}'" for point in points)
+            raise self.wrong(f"the corners sit in several frames: {told}")
         offsets = np.array([point.offset for point in points])
         middle = offsets.mean(axis=0)
         if np.ptp(offsets[:, 2]) > _FLAT:
-            raise ControlError(
-                f"contact '{self.name}': the corners lie in no plane along x and y of "
-                f"'{points[0].frame}'."
-            )
+            raise self.wrong(f"the corners lie in no plane along x and y of '{points[0].frame}'.")
         try:
             used = set(ConvexHull(offsets[:, :2]).vertices)
         except QhullError:
             used = set[int]()
         if between := [name for i, name in enumerate(self.corners) if i not in used]:
-            told = f"contact '{self.name}': '{between[0]}' lies between the other corners."
-            raise ControlError(told)
+            raise self.wrong(f"'{between[0]}' lies between the other corners.")
         mu = min(p.friction for p in points) if self.friction is None else self.friction
         around = (offsets - middle)[:, :2]
         matrix, labels = polygon_cone(mu / np.sqrt(2.0), around)

@@ -249,10 +249,8 @@ class JouleHeatEffort(Effort):
             unknown = np.flatnonzero(np.isnan(getattr(gears, number)))
             if unknown.size:
                 joint = gears.joints[int(unknown[0])]
-                raise ControlError(
-                    f"effort '{self.name}': the motor of '{joint}' has no "
-                    f"{number}. Use RotorTorqueEffort, or {state_gear(joint, number)}"
-                )
+                way = f"Use RotorTorqueEffort, or {state_gear(joint, number)}"
+                raise self.wrong(f"the motor of '{joint}' has no {number}. {way}")
         scale = gears.resistance / (gears.torque_constant * gears.gear_ratio) ** 2
         return np.asarray(2.0 * self.weight * scale)
 

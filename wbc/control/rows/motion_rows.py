@@ -126,8 +126,8 @@ def balancing(
     x, z = at[0], at[2]
     rows, motions, momentum = np.zeros((6, len(velocity))), tree.motions, tree.momentum
     for j in range(len(velocity)):
-        rows[_COM_X, j], rows[_COM_Z, j] = momentum[0, j] / mass, momentum[2, j] / mass
-        rows[_SPIN, j] = momentum[4, j]
+        rows[_COM_X, j], rows[_COM_Z, j] = momentum[j, 0] / mass, momentum[j, 2] / mass
+        rows[_SPIN, j] = momentum[j, 4]
     for j in tree.columns[tree.starts[foot] : tree.starts[foot + 1]]:
         rows[_FOOT_X, j] = motions[j, 0] + motions[j, 4] * z
         rows[_FOOT_Z, j] = motions[j, 2] - motions[j, 4] * x

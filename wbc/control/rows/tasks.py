@@ -14,15 +14,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray, IntArray, must, reals
 from wbc.compiled import Dense, compiled
 from wbc.control.inputs import Checked, Target
-from wbc.control.kinematics import (
-    KIND,
-    Kinematics,
-    StateRows,
-    fill_state_rows,
-    frame_number,
-    place_missing,
-    rows_of,
-)
+from wbc.control.kinematics import KIND, Kinematics, StateRows, frame_number, place_missing
 from wbc.errors import ControlError
 from wbc.mechanics.linear import add_cross, dot
 from wbc.robot import Robot
@@ -81,9 +73,7 @@ class Task(Checked, ABC):
         """Check gains and weights."""
         super().__post_init__()
         if isinstance(self.level, bool) or not isinstance(self.level, int) or self.level < 0:
-            raise ControlError(
-                f"task '{self.name}': level must be a whole number >= 0, got {self.level}."
-            )
+            raise self.wrong(f"level must be a whole number >= 0, got {self.level}.")
 
     @abstractmethod
     def check(self, robot: Robot) -> int:
@@ -155,11 +145,11 @@ class StateTask(Task):
 
     def value(self, kinematics: Kinematics) -> Target:
         """Return the part of the placement that the rows are about, (k,)."""
-        return np.array(self.slot(self.evaluated(kinematics).places[0]))
+        return np.array(self.slot(kinematics.evaluated(self.state_rows).places[0]))
 
     def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
         """Return what is missing to a target in the task's rows (k,), as in a tick."""
-        rows, place = self.evaluated(kinematics), np.zeros(12)
+        rows, place = kinematics.evaluated(self.state_rows), np.zeros(12)
         self.pack(target, place)
         missing = np.zeros(len(rows.drift))
         place_missing(rows, 0, place, rows.jacobian @ kinematics.velocity, missing)
@@ -167,18 +157,11 @@ class StateTask(Task):
 
     def jacobian(self, kinematics: Kinematics) -> FloatArray:
         """Return J (k, nv)."""
-        return np.asarray(self.evaluated(kinematics).jacobian)
+        return np.asarray(kinematics.evaluated(self.state_rows).jacobian)
 
     def drift(self, kinematics: Kinematics) -> FloatArray:
         """Return dJ/dt v (k,)."""
-        return np.asarray(self.evaluated(kinematics).drift)
-
-    def evaluated(self, kinematics: Kinematics) -> Any:
-        """Return the ROWS of this task alone at the present state."""
-        size = len(range(*self.rows().indices(6)))
-        rows = rows_of(kinematics.model, [self.state_rows], [0], size)
-        fill_state_rows(kinematics.tree, rows, kinematics.mass)
-        return rows
+        return np.asarray(kinematics.evaluated(self.state_rows).drift)
 
     def slot(self, place: FloatArray) -> FloatArray:
         """Return the part (k,) of a placement (12,) in which a target stands that is an array.
@@ -207,10 +190,7 @@ class AxesTask(StateTask):
         """Return the linear rows of the axes, or the angular ones; ControlError for other axes."""
         axes, first = ["xyz".find(letter) for letter in self.axes], 3 if self.turns else 0
         if not axes or min(axes) < 0 or any(a >= b for a, b in pairwise(axes)):
-            raise ControlError(
-                f"task '{self.name}': axes must be some of 'x', 'y', 'z' in this order, got "
-                f"'{self.axes}'."
-            )
+            raise self.wrong(f"axes must be some of x, y, z in this order, got '{self.axes}'.")
         step = axes[1] - axes[0] if len(axes) > 1 else 1
         return slice(first + axes[0], first + axes[-1] + 1, step)
 
@@ -299,9 +279,9 @@ class PostureTask(Task):
         for joint in self.joints:
             robot.velocity_index(joint)
             if joint not in robot.single_joints:
-                raise ControlError(
-                    f"task '{self.name}': joint '{joint}' has several degrees of freedom; "
-                    "use FramePoseTask on the link it carries."
+                raise self.wrong(
+                    f"joint '{joint}' has several degrees of freedom; use FramePoseTask on the "
+                    "link it carries."
                 )
         return len(self.joints)
 
@@ -362,7 +342,7 @@ class FrameOrientationTask(FrameTask, AxesTask):
 
     def value(self, kinematics: Kinematics) -> FloatArray:
         """Return the rotation matrix, world from frame, (3, 3)."""
-        return np.array(self.evaluated(kinematics).places[0, :9]).reshape(3, 3)
+        return np.array(kinematics.evaluated(self.state_rows).places[0, :9]).reshape(3, 3)
 
     def admitted(self, target: Target, size: int) -> FloatArray:
         """Return a rotation matrix (3, 3), checked and copied."""
@@ -384,7 +364,7 @@ class FramePoseTask(FrameTask):
 
     def value(self, kinematics: Kinematics) -> pin.SE3:
         """Return the placement, world from frame."""
-        place = self.evaluated(kinematics).places[0]
+        place = kinematics.evaluated(self.state_rows).places[0]
         return pin.SE3(place[:9].reshape(3, 3), place[9:])
 
     def admitted(self, target: Target, size: int) -> pin.SE3:
