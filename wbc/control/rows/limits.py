@@ -44,11 +44,8 @@ class RotorTorqueLimit(Checked):
         full = self.fraction * robot.transmission.torque_limit
         if self.knee is None:
             return -full, full
-        top = robot.transmission.speed_limit
-        with np.errstate(invalid="ignore"):
-            used = np.abs(rotor_speed) / top
-        left = np.clip((1.0 - used) / (1.0 - self.knee), 0.0, 1.0)
-        along = np.where(np.isfinite(top), left, 1.0) * full
+        used = np.abs(rotor_speed) / robot.transmission.speed_limit
+        along = np.clip((1.0 - used) / (1.0 - self.knee), 0.0, 1.0) * full
         forward = rotor_speed >= 0.0
         return np.where(forward, -full, -along), np.where(forward, along, full)
 

@@ -17,7 +17,6 @@ from wbc.control.rows.tasks import PostureTask, StateTask, Task, vector_target
 from wbc.errors import ControlError
 from wbc.robot import Robot
 
-_NONE: Mapping[str, float] = {}
 _PARTS = "error", "rate", "drift", "velocity", "acceleration"
 
 
@@ -71,9 +70,7 @@ class TaskStack:
             chosen=np.concatenate([rows for _, rows in held]),
         )
         memory, gravity = self.memory, float(np.linalg.norm(robot.model.gravity.linear))
-        self._jacobian, self._drift = memory.rows.jacobian, memory.rows.drift
-        self._parts, places = memory.parts, enumerate(memory.targets)
-        self._entries: list[_Entry] = []
+        places, self._entries = enumerate(memory.targets), dict[str, _Entry]()
         for task, rows in placed:
             memory.limits[rows], memory.gains[2, rows] = task.acceleration_limit, -1.0
             memory.gains[[0, 1, 3, 4], rows] = np.array(task.gains(gravity))[:, None]
@@ -86,8 +83,7 @@ class TaskStack:
             elif rows.start >= total:
                 goals = memory.goals[rows.start - total : rows.stop - total]
                 write = partial(goals.__setitem__, slice(None))
-            self._entries.append(_Entry(task, size, rows, number, write))
-        self._by_name = {entry.task.name: entry for entry in self._entries}
+            self._entries[task.name] = _Entry(task, size, rows, number, write)
         self._shares: tuple[dict[str, float], dict[str, float]] | None = None
         self._moves, self._active = True, dict[str, _Entry]()
         self._missing, self._asked = list[_Entry](), list[_Entry]()
@@ -98,12 +94,12 @@ class TaskStack:
         self, weights: Mapping[str, float] | None, activation: Mapping[str, float] | None
     ) -> None:
         """Take the weights of a tick, and what they are multiplied with, as `Controller.step`."""
-        if self._shares == (weights or _NONE, activation or _NONE):
+        if self._shares == (weights or {}, activation or {}):
             return
-        self._shares = own, shares = dict(weights or _NONE), dict(activation or _NONE)
+        self._shares = own, shares = dict(weights or {}), dict(activation or {})
         self._active, self._changed, memory = {}, True, self.memory
-        for entry in self._entries:
-            name, rows, share = entry.task.name, entry.rows, shares.get(entry.task.name, 1.0)
+        for name, entry in self._entries.items():
+            rows, share = entry.rows, shares.get(name, 1.0)
             weight = np.asarray(own.get(name, entry.task.weight))
             memory.weights[rows] = share * weight if share > 0.0 else 0.0
             active = bool(memory.weights[rows].any())
@@ -112,10 +108,10 @@ class TaskStack:
             if active:
                 self._active[name] = entry
             else:
-                self._parts[:, rows] = self._drift[rows] = 0.0
+                memory.parts[:, rows] = memory.rows.drift[rows] = 0.0
         self._asked = [entry for entry in self._active.values() if not entry.write]
         memory.diagonal[:] = 0.0
-        np.add.at(memory.diagonal, memory.chosen, memory.weights[len(self._jacobian) :])
+        np.add.at(memory.diagonal, memory.chosen, memory.weights[len(memory.rows.jacobian) :])
 
     def forget(self) -> None:
         """Forget the targets held so far."""
@@ -141,13 +137,13 @@ class TaskStack:
         if self._targets is not self._held:
             self._targets = self._held
             for name, target in self._held.items():
-                if write := self._by_name[name].write:
+                if write := self._entries[name].write:
                     write(target)
         if self._moves:
-            self._parts[3:] = 0.0
+            self.memory.parts[3:] = 0.0
             self._moves = False
         for name, reference in references.items():
-            entry = self._by_name.get(name)
+            entry = self._entries.get(name)
             if entry is not None:
                 self._admit(entry, reference)
         unknown = self._active.keys() - self._targets.keys() if self._changed else ()
@@ -159,10 +155,10 @@ class TaskStack:
         for entry in self._missing:
             self._put(entry, entry.task.admitted(entry.task.value(kinematics), entry.size))
         for entry in self._asked:
-            task, rows = entry.task, entry.rows
-            self._jacobian[rows] = task.jacobian(kinematics)
-            self._drift[rows] = task.drift(kinematics)
-            self._parts[0, rows] = task.error(kinematics, self._targets[task.name])
+            task, rows, memory = entry.task, entry.rows, self.memory
+            memory.rows.jacobian[rows] = task.jacobian(kinematics)
+            memory.rows.drift[rows] = task.drift(kinematics)
+            memory.parts[0, rows] = task.error(kinematics, self._targets[task.name])
 
     def _admit(self, entry: _Entry, reference: Reference) -> None:
         """Take the reference of one task; without weight it is only checked."""
@@ -177,7 +173,7 @@ class TaskStack:
                 if asked is not None:
                     values = vector_target(asked, entry.size, _PARTS[part])
                     if not idle:
-                        self._moves, self._parts[part, entry.rows] = True, values
+                        self._moves, self.memory.parts[part, entry.rows] = True, values
         except ControlError as cause:
             raise TickInputError(f"the reference of task '{name}': {cause}.") from cause
         if idle and not reference.is_finite():

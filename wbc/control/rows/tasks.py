@@ -144,7 +144,7 @@ class StateTask(Task):
         return len(range(*self.rows().indices(6)))
 
     def value(self, kinematics: Kinematics) -> Target:
-        """Return the part of the placement that the rows are about, (k,)."""
+        """Return the part of the placement that the rows are about, see `slot`."""
         return np.array(self.slot(kinematics.evaluated(self.state_rows).places[0]))
 
     def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
@@ -164,7 +164,7 @@ class StateTask(Task):
         return np.asarray(kinematics.evaluated(self.state_rows).drift)
 
     def slot(self, place: FloatArray) -> FloatArray:
-        """Return the part (k,) of a placement (12,) in which a target stands that is an array.
+        """Return the part of a placement (12,) in which a target stands that is an array.
 
         A rotation row by row stands before the translation or the number of a distance or pitch.
         """
@@ -340,17 +340,13 @@ class FrameOrientationTask(FrameTask, AxesTask):
 
     turns: ClassVar[bool] = True
 
-    def value(self, kinematics: Kinematics) -> FloatArray:
-        """Return the rotation matrix, world from frame, (3, 3)."""
-        return np.array(kinematics.evaluated(self.state_rows).places[0, :9]).reshape(3, 3)
+    def slot(self, place: FloatArray) -> FloatArray:
+        """Return the rotation (3, 3) of a placement (12,)."""
+        return place[:9].reshape(3, 3)
 
     def admitted(self, target: Target, size: int) -> FloatArray:
         """Return a rotation matrix (3, 3), checked and copied."""
         return rotation_target(target)
-
-    def pack(self, target: Target, place: FloatArray) -> None:
-        """Write the target (3, 3) as the rotation of a placement (12,)."""
-        place[:9] = target.reshape(-1)
 
 
 @final
