@@ -265,12 +265,11 @@ class Study:
             given["backward_efficiency"] = np.where(alone, wedge, own)
         return Designs.of(robot, q, given)
 
-    def evaluate(self, rows: range) -> dict[str, FloatArray]:
-        """Return the table of some designs by column."""
-        ends = rows.start, rows.stop
-        table = {"design": np.array(rows, dtype=np.float64), **self.values(*ends)}
+    def evaluate(self, start: int, stop: int) -> dict[str, FloatArray]:
+        """Return the table of designs `start` to before `stop` by column."""
+        table = {"design": np.arange(float(start), stop), **self.values(start, stop)}
         where = self.contact, self.direction, self.axes, self.load
-        return table | vars(design_metrics(self.designs(*ends), *where))
+        return table | vars(design_metrics(self.designs(start, stop), *where))
 
 
 def describe_columns(study: Study) -> dict[str, str]:
@@ -370,7 +369,7 @@ def run_study(
     parts = []
     for start in range(0, study.size, _CHUNK):
         watch(start, study.size)
-        parts.append(study.evaluate(range(study.size)[start : start + _CHUNK]))
+        parts.append(study.evaluate(start, min(start + _CHUNK, study.size)))
     watch(study.size, study.size)
     units = describe_columns(study)
     table = {name: np.concatenate([part[name] for part in parts]) for name in units}

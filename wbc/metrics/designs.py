@@ -65,8 +65,9 @@ class Designs:
             TransmissionError: a number of a gear outside its range.
         """
         q = checked(np.atleast_2d(position), (None, robot.model.nq), "position", DynamicsError)
-        m, given = robot.transmission.size, dict[str, FloatArray]()
-        for name, values in (gears or {}).items():
+        m, given = robot.transmission.size, gears or {}
+        full = {name: np.array(getattr(robot.transmission, name))[None] for name in GEAR_FIELDS}
+        for name, values in given.items():
             require_known(DynamicsError, "gear parameter", name, GEAR_FIELDS)
             array = np.asarray(values, dtype=np.float64)
             wide = np.repeat(array[:, None], m, axis=1) if array.ndim == 1 else array
@@ -75,20 +76,16 @@ class Designs:
                     f"{name} has shape {array.shape}; give (k,) or (k, {m}) numbers, none of them "
                     "NaN."
                 )
-            given[name] = frozen(wide)
+            full[name] = frozen(wide)
         if "forward_efficiency" in given and "backward_efficiency" not in given:
-            wedge = wedge_backward_efficiency(given["forward_efficiency"])
-            given["backward_efficiency"] = frozen(wedge)
-        sizes = {len(a) for a in (q, *given.values())} - {1}
+            wedge = wedge_backward_efficiency(full["forward_efficiency"])
+            full["backward_efficiency"] = frozen(wedge)
+        sizes = {len(a) for a in (q, *full.values())} - {1}
         if len(sizes) > 1:
             raise DynamicsError(
                 f"designs: arrays of {', '.join(map(str, sorted(sizes)))} designs cannot be "
                 "combined; give every varied quantity the same number of values."
             )
-        full = {
-            name: given.get(name, np.array(getattr(robot.transmission, name))[None])
-            for name in GEAR_FIELDS
-        }
         for name, numbers in full.items():
             for holds, rule in GEAR_NUMBERS[name].rules:
                 for row, column in np.argwhere(~holds(numbers)):

@@ -501,11 +501,13 @@ class Levels:
         nq, nv, m = robot.model.nq, robot.model.nv, robot.transmission.size
         self.shared = nq + 3 * nv + len(GEAR) * m
         self.whole = ContactSet(tuple(recipe.contacts.values()), kinematics.model)
-        self._drawn: list[FloatArray] = []
-        for q in drawn_poses(robot, _POSES):
+        drawn = np.empty((_POSES, self.whole.rows, nv))
+        for q, jacobian in zip(drawn_poses(robot, _POSES), drawn, strict=True):
             kinematics.update(q, np.zeros(nv))
             self.whole.fill(kinematics)
-            self._drawn.append(self.whole.memory.rows.jacobian.copy())
+            jacobian[:] = self.whole.memory.rows.jacobian
+        lengths = np.linalg.norm(drawn, axis=2, keepdims=True)
+        self._drawn = drawn / np.where(lengths > 0.0, lengths, 1.0)
         self._made: dict[tuple[str, ...], tuple[Level, ...]] = {}
         self._ramp: ContactRamp | None = None
         if self._all and (down := recipe.settings.contact_ramp) > 0.0:
@@ -560,10 +562,6 @@ class Levels:
         """Return the greatest number of independent rows of some contacts."""
         if not names:
             return 0
-        slices, ranks = dict(zip(self._all, self.whole.slices, strict=True)), list[int]()
-        at = np.r_[tuple(slices[name] for name in names)]
-        for jacobian in self._drawn:
-            rows, lengths = jacobian[at], np.linalg.norm(jacobian[at], axis=1)
-            rows = rows[lengths > 0.0] / lengths[lengths > 0.0, None]
-            ranks.append(np.linalg.matrix_rank(rows, tol=_DEPENDENT * np.sqrt(rows.size)))
-        return max(ranks)
+        slices = dict(zip(self._all, self.whole.slices, strict=True))
+        rows = self._drawn[:, np.r_[tuple(slices[name] for name in names)]]
+        return int(np.linalg.matrix_rank(rows, tol=_DEPENDENT * np.sqrt(rows[0].size)).max())

@@ -58,6 +58,7 @@ class Recipe:
         joint_limit: limits of joints, or of none.
         joints: their JOINTS.
         stacks: tasks by level, the most important first.
+        asks_ahead: whether every state is asked for more than the joints' motion before a tick.
     """
 
     def __init__(
@@ -96,12 +97,8 @@ class Recipe:
             raise ControlError("a controller without tasks of level 0 has nothing to do.")
         by_rank = [[task for task in moving if task.level == rank] for rank in ranks]
         self.stacks = tuple(TaskStack(robot, some, model) for some in by_rank)
-
-    @property
-    def asks_ahead(self) -> bool:
-        """Whether every state is asked for more than the joints' motion before a tick."""
         alone = self.kinematics.known_by_joints and not self.drivetrain.coupled
-        return not alone or self.collision is not None
+        self.asks_ahead = not alone or self.collision is not None
 
     @property
     def load(self) -> float:

@@ -297,10 +297,7 @@ class ContactSet:
         self.rows = k = ends[-1]
         self.rank = k if rank is None else rank
         chosen = [contact.state_rows for contact in contacts]
-        corners = [
-            np.column_stack([np.full(len(contact.corners), number), contact.corners])
-            for number, contact in enumerate(contacts)
-        ]
+        corners = [np.insert(one.corners, 0, i, axis=1) for i, one in enumerate(contacts)]
         level = all(len(contact.corners) for contact in contacts)
         self.memory: Any = CONTACTS.of(
             {"k": k},

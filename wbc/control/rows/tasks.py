@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import atan2, sqrt
-from typing import Any, ClassVar, NamedTuple, final
+from typing import Any, ClassVar, TypeAlias, final
 
 import numpy as np
 import pinocchio as pin
@@ -23,13 +23,8 @@ _FLOAT = np.dtype(np.float64)
 _TURNED = 1e-4  # single precision leaves 1e-7, four printed digits 1e-4
 
 
-class Gains(NamedTuple):
-    """What error, rate J v, and velocity and acceleration of the reference count for."""
-
-    error: float
-    rate: float
-    velocity: float
-    acceleration: float
+Gains: TypeAlias = tuple[float, float, float, float]
+"""What error, rate J v, and velocity and acceleration of the reference count for."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -105,7 +100,7 @@ class Task(Checked, ABC):
     def gains(self, gravity: float) -> Gains:
         """Return what the parts of the wanted acceleration count for, at a gravity [m/s^2]."""
         damping = 2.0 * sqrt(self.stiffness) if self.damping is None else self.damping
-        return Gains(self.stiffness, -damping, damping, 1.0)
+        return self.stiffness, -damping, damping, 1.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -452,7 +447,7 @@ class CapturePointTask(StateTask):
     def gains(self, gravity: float) -> Gains:
         """Return the gains of c'' = b (xi' - c') on the error xi_ref - c and the rate c'."""
         pole = sqrt(gravity / self.height)
-        return Gains(pole * self.stiffness, -(pole + self.stiffness), pole, 1.0)
+        return pole * self.stiffness, -(pole + self.stiffness), pole, 1.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -475,7 +470,7 @@ class MomentumTask(StateTask):
 
     def gains(self, gravity: float) -> Gains:
         """Return the gains of dh/dt = dh_ref/dt + stiffness (h_ref - h)."""
-        return Gains(self.stiffness, 0.0, 1.0, 0.0)
+        return self.stiffness, 0.0, 1.0, 0.0
 
 
 @final
@@ -547,4 +542,4 @@ class PointFootBalanceTask(StateTask):
 
     def gains(self, gravity: float) -> Gains:
         """Return one for the feedback, which the tick writes in place of the error."""
-        return Gains(1.0, 0.0, 0.0, 1.0)
+        return 1.0, 0.0, 0.0, 1.0
