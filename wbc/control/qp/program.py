@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from itertools import chain, pairwise
 from math import sqrt
@@ -73,9 +72,8 @@ class Recipe:
         self.robot, self.settings = robot, settings
         for kind, things in (("task", tasks), ("contact", contacts)):
             names = [one.name for one in things]
-            for name in names:
-                if names.count(name) > 1:
-                    raise ControlError(f"two {kind}s are called '{name}'; names must differ.")
+            if twice := [name for name in names if names.count(name) > 1]:
+                raise ControlError(f"two {kind}s are called '{twice[0]}'; names must differ.")
         self.contacts = {contact.name: contact.bind(robot) for contact in contacts}
         frames = [frame for contact in self.contacts.values() for frame in contact.frames]
         self.kinematics = Kinematics(robot, frames)
@@ -397,7 +395,7 @@ class Program:
             return f"balance of undriven coordinate {coordinate}", 1.0, "N or N m"
         if row >= self.unlocked:
             return "what the more important tasks have decided", 1.0, "m/s^2"
-        ends = [rows.stop for rows in self.contacts.slices]
-        which = self.contacts.contacts[bisect_right(ends, row - self._undriven)].name
+        names = [bound.name for bound in self.contacts.contacts for _ in bound.axes]
+        which = names[row - self._undriven]
         told = "the contacts at rest" if self.repeats else f"contact {which} at rest"
         return told, 1.0, "m/s^2"

@@ -296,12 +296,11 @@ class ContactSet:
         self.slices = [slice(start, end) for start, end in pairwise(ends)]
         self.rows = k = ends[-1]
         self.rank = k if rank is None else rank
-        chosen = [contact.state_rows for contact in contacts]
         corners = [np.insert(one.corners, 0, i, axis=1) for i, one in enumerate(contacts)]
         level = all(len(contact.corners) for contact in contacts)
         self.memory: Any = CONTACTS.of(
             {"k": k},
-            rows=rows_of(model, chosen, ends[:-1], k),
+            rows=rows_of(model, [one.state_rows for one in contacts], ends[:-1], k),
             damping=np.repeat([c.contact.damping for c in contacts], np.diff(ends)),
             corners=np.vstack([np.zeros((0, 4)), *(corners if level else [])]),
         )

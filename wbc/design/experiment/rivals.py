@@ -290,9 +290,7 @@ class Predictions:
         of the true cause. exp(-d / 4) / 2 bounds the chance that noise names the wrong cause
         (Bhattacharyya), so that this is the distance with the same bound at values that are known.
         """
-        left, moved = self._left(pair)
-        if not moved.size:
-            return float(0.5 * left @ left)
+        left, moved = self._left(pair)  # moved has no columns where the values are fixed
         gram, lever = moved.T @ moved, moved.T @ left
         least = left @ left - lever @ np.linalg.solve(4.0 * np.eye(len(gram)) + gram, lever)
         grown = np.linalg.slogdet(np.eye(len(gram)) + 0.25 * gram)[1]
