@@ -93,9 +93,7 @@ def move_joints(tree: TreeMemory, velocity: Row) -> None:
     bodies_at(tree.joints, tree.shapes, poses, tree.poses[0, 9:], tree.bodies)
     moved = tree.rates, tree.drifts, tree.forces
     move_bodies(tree.joints, gravity, tree.motions, tree.bodies, velocity, *moved, tree.bias)
-    mass = 0.0
-    for i in range(len(tree.bodies)):
-        mass += tree.bodies[i, 0]
+    mass = tree.bodies[:, 0].sum()
     copy_to(force, whole)
     add_cross(-1.0, com, force[:3], whole[3:])
     for k in range(3):

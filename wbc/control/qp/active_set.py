@@ -18,7 +18,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from wbc.compiled import OutDense, OutPlaces, OutRow, Row, compiled, inner
-from wbc.control.qp.linalg import drop_row, factorise_from, substitute
+from wbc.control.qp.linalg import drop_row, factorise_from, substitute, substitute_back
 from wbc.control.qp.solvers import INFINITE
 from wbc.mechanics.linear import add_times, copy_to, dot
 from wbc.structures import Structure
@@ -114,9 +114,8 @@ def _try_rows(solver: SolverMemory, known: int, size: int, x: OutRow, base: int)
             return False
     copy_to(left[:size], force)
     copy_to(free, x)
-    for i in range(size - 1, -1, -1):
-        force[i] *= factor[i, i]
-        add_times(-force[i], factor[i, :i], force)
+    substitute_back(factor, size, force)
+    for i in range(size):
         add_times(force[i], scaled[i], x)
     return True
 
@@ -210,10 +209,7 @@ def _go_on(solver: SolverMemory, size: int, met: bool) -> int:
         side, last = taken[active[size - base - 1]], size - 1
         for i in range(size):
             change[i] = factor[last, i] * side if i < last else -side
-        for i in range(last - 1, -1, -1):
-            change[i] *= factor[i, i]
-            for k in range(i):
-                change[k] -= factor[i, k] * change[i]
+        substitute_back(factor, last, change)
     leaving, share = -1, 1.0 if met else np.inf
     for k in range(size - base):
         change[base + k] *= -taken[active[k]]

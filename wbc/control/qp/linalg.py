@@ -91,13 +91,19 @@ def drop_row(factor: OutDense, half: OutRow, place: int, size: int) -> None:
 
 
 @inner
+def substitute_back(factor: Dense, size: int, values: OutRow) -> None:
+    """Overwrite the first `size` values (..,) with L'^-1 of them, `factor` as of `substitute`."""
+    for i in range(size - 1, -1, -1):
+        values[i] *= factor[i, i]
+        add_times(-values[i], factor[i, :i], values)
+
+
+@inner
 def substitute(factor: Dense, size: int, values: OutRow) -> None:
     """Overwrite the first `size` values (..,) with the solution, `factor` from `factorise_from`."""
     for i in range(size):
         values[i] = (values[i] - dot(values[:i], factor[i])) * factor[i, i]
-    for i in range(size - 1, -1, -1):
-        values[i] *= factor[i, i]
-        add_times(-values[i], factor[i, :i], values)
+    substitute_back(factor, size, values)
 
 
 @inner

@@ -170,9 +170,8 @@ def place_prices(program: ProgramMemory, wanted: OutPlaces) -> None:
         program: PROGRAM; small costs are raised, and limits get a price.
         wanted: result (r,), 1 where an upper bound asks for motion, -1 where a lower one does.
     """
-    solver, heaviest = program.solver, 0.0
-    for j in range(len(solver.diagonal)):
-        heaviest = max(heaviest, solver.diagonal[j])
+    solver = program.solver
+    heaviest = solver.diagonal.max()
     for i in range(program.counts[COUNT.cost]):
         heaviest = max(heaviest, 1.0 / solver.softness[i])
     least = heaviest / FIRM

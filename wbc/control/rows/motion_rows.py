@@ -13,7 +13,7 @@ from wbc.control.qp.active_set import place_row
 from wbc.control.qp.linalg import factorise_from, substitute
 from wbc.control.rows.gear_rows import add_force
 from wbc.mechanics.kinematics import placed_at, product
-from wbc.mechanics.linear import add_times, dot
+from wbc.mechanics.linear import add_times, dot, products
 
 _MOST = 1e9
 """[rad/s^2] that brakes without a limit are taken to give: within a tick whatever is needed."""
@@ -89,15 +89,14 @@ def pitch_rate(rows: Dense) -> tuple[float, float]:
 
     From the rows (6, nv) above. Both are NaN where the foot cannot rest.
     """
-    normal, weights = np.empty((5, 5)), np.empty(5)
+    gram = np.empty((6, 6))
+    products(rows, gram)
+    weights = gram[_PITCH].copy()
     for i in range(5):
-        weights[i] = dot(rows[i], rows[_PITCH])
-        for k in range(i + 1):
-            normal[i, k] = dot(rows[i], rows[k])
-        normal[i, i] += 1e-12
-    if not factorise_from(normal, 0, 5):
+        gram[i, i] += 1e-12
+    if not factorise_from(gram, 0, 5):
         return np.nan, np.nan
-    substitute(normal, 5, weights)
+    substitute(gram, 5, weights)
     return weights[_COM_X], weights[_SPIN]
 
 
@@ -125,9 +124,8 @@ def balancing(
     product(tree.poses[frame], offset[15:24], turn)
     x, z = at[0], at[2]
     rows, motions, momentum = np.zeros((6, len(velocity))), tree.motions, tree.momentum
-    for j in range(len(velocity)):
-        rows[_COM_X, j], rows[_COM_Z, j] = momentum[j, 0] / mass, momentum[j, 2] / mass
-        rows[_SPIN, j] = momentum[j, 4]
+    rows[_COM_X], rows[_COM_Z] = momentum[:, 0] / mass, momentum[:, 2] / mass
+    rows[_SPIN] = momentum[:, 4]
     for j in tree.columns[tree.starts[foot] : tree.starts[foot + 1]]:
         rows[_FOOT_X, j] = motions[j, 0] + motions[j, 4] * z
         rows[_FOOT_Z, j] = motions[j, 2] - motions[j, 4] * x
