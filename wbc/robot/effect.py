@@ -197,12 +197,10 @@ class Screen:
     Attributes:
         units: parameter values of the r unit effects.
         combine: (r,) coefficients -> parameter values, possibly outside their bounds.
-        expected: coefficient of every unit where the logs do not tell it.
     """
 
     units: tuple[Mapping[str, float], ...]
     combine: Callable[[FloatArray], dict[str, float]]
-    expected: float = 0.0
 
     @classmethod
     def fixed(cls, values: Mapping[str, float]) -> Screen:
@@ -216,7 +214,7 @@ class Screen:
             fits = 0.4 < float(coefficients[0]) < 2.5
             return chosen if fits else dict.fromkeys(chosen, np.nan)
 
-        return cls((chosen,), combine, expected=1.0)
+        return cls((chosen,), combine)
 
     @classmethod
     def shapes(

@@ -1,6 +1,5 @@
 """The search: causes give way to the one that they imitate, and unlikely numbers cost."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -36,20 +35,17 @@ from wbc.effects.links import add_point_mass
 from wbc.errors import DynamicsError
 from wbc.identification import diagnose
 from wbc.identification.choice import gears, search
-from wbc.identification.choice.candidate_columns import Regressor
 from wbc.identification.choice.certainty import BELIEVED, _supports, beliefs
-from wbc.identification.choice.drop_screen import until_null
-from wbc.identification.choice.evidence import implausible
+from wbc.identification.choice.evidence import density_gained, implausible
 from wbc.identification.choice.gears import two_gears
-from wbc.identification.choice.linear_screen import LinearScreen, Subset, screen
 from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.proposals import Proposer
+from wbc.identification.choice.screen import CauseScreen
 from wbc.identification.choice.search import Search, _drops
 from wbc.identification.choice.trials import Trials
-from wbc.identification.model.columns import SparseColumns
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.yielding import deflects
-from wbc.robot import Effect, Evidence, Motion, Screen
+from wbc.robot import Effect, Evidence, Motion
 from wbc.sim.excitation import record_with
 
 AT_ONCE = tuple(kind for kind in EFFECTS.values() if not deflects(kind))
@@ -246,52 +242,28 @@ def test_a_fit_with_less_than_a_period_is_not_believed(order: float, believed: b
     assert (sum(implausible(problem, fit)) < 1.0) is believed
 
 
-def test_a_screen_leaves_what_a_fit_without_each_fold_leaves() -> None:
+def test_a_screen_says_what_fits_leave() -> None:
     """Beside causes known already, and in the place of one of them; of one cause and of two."""
     hidden = [CoulombFriction("hip", 0.5), ViscousFriction("knee", 0.3)]
     logs = record_with(LEG, [*hidden, ViscousFriction("hip", 0.02)], duration=3.0)
     problem = EstimationProblem.from_logs(LEG, logs)
-    own = problem.fit([ViscousFriction("hip", 0.1)])
-    whole = screen(problem, own, (CoulombFriction, ViscousFriction))
-    causes = {regressor.key: k for k, regressor in enumerate(whole.regressors)}
-    other = whole.instead_of(*until_null(own, own.effects, LEG), LEG, own.effects[0].key)
-    for beside, kept in ((whole, own.effects), (other, ())):
-        for some in (hidden[:1], hidden):
-            chosen = [causes[effect.key] for effect in some]
-            fit, squares = problem.fit([*kept, *some]), 0.0
-            for fold in np.unique(problem.folds):
-                inside = problem.folds == fold
-                rest, held = (
-                    fit.jacobian[rows].reshape(-1, len(fit.parameters))
-                    for rows in (~inside, inside)
-                )
-                step = np.linalg.lstsq(rest, -fit.residual[~inside].ravel(), rcond=None)[0]
-                squares += np.sum((fit.residual[inside].ravel() + held @ step) ** 2)
-            # A thousandth of each column keeps what a fold alone knows: .03 of the 2500 explained.
-            left = pytest.approx(squares / fit.residual.size, rel=1e-3, abs=0.05)
-            assert beside.error(chosen) == left
-            built = beside.effects(Subset(tuple(chosen), 0.0))
-            for effect, same in zip(built, fit.effects[len(kept) :], strict=True):
-                assert effect.values == pytest.approx(same.values, rel=1e-2)
-    best = next(other.pairs(10))
-    assert [other.regressors[k].key for k in best.regressors] == [one.key for one in hidden]
-    assert best.error < next(other.best_first()).error
-
-
-def test_a_cause_of_fixed_size_is_expected_where_one_fold_alone_shows_it() -> None:
-    problem = EstimationProblem.from_logs(LEG, record_with(LEG, [], duration=3.0))
-    fit, random = problem.fit([]), np.random.default_rng(3)
-    column = np.zeros((len(fit.residual), 2, 1))
-    column[np.flatnonzero(problem.folds == 1)[5:10], 0] = 5.0  # a limit that was reached once
-    residual = -0.1 * random.standard_normal(fit.residual.shape)
-    residual[:, 0] += column[:, 0, 0]
-    errors = []
-    for expected in (0.0, 1.0):
-        shape = Screen(({"level": 1.0},), lambda c: {"level": 1.0}, expected)
-        once = Regressor(
-            CoulombFriction, "hip", shape, SparseColumns.at(np.arange(2), column), np.zeros((1, 1))
-        )
-        made = LinearScreen(replace(fit, residual=residual), [once], np.eye(2), problem.folds)
-        errors.append(made.error([0]))
-    assert errors[0] == pytest.approx(np.mean(residual**2), rel=0.01)
-    assert errors[1] < 0.02
+    trials, own = Trials(problem), ViscousFriction("hip", 0.1)
+    h = trials.of((own,))
+    assert h is not None
+    offered = (CoulombFriction, ViscousFriction)
+    screen = CauseScreen.of(problem, h, trials.fit(h), offered, trials.failures)
+    numbers = {regressor.key: k for k, regressor in enumerate(screen.regressors)}
+    pair = tuple(numbers[effect.key] for effect in hidden)
+    told = [
+        (screen.ranked((), [own.key], 9)[0], h.effects),
+        (screen.ranked((own,), [own.key], 9)[0], ()),
+        (screen.together([pair], 1)[0], h.effects),
+    ]
+    for one, kept in told:
+        fit = problem.fit([*kept, *one.added])
+        here, left = (np.mean(f.residual**2, axis=0) for f in (trials.fit(h), fit))
+        samples = problem.white_samples if kept else h.samples
+        (gained,) = density_gained(problem, h, here, left[None], samples)
+        assert one.density == pytest.approx(gained, rel=1e-3)
+        for effect, same in zip(one.added, fit.effects[len(kept) :], strict=True):
+            assert effect.values == pytest.approx(same.values, rel=1e-2)

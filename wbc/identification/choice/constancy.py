@@ -20,9 +20,10 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 
 from wbc.arrays import FloatArray
+from wbc.identification.choice.drop_screen import Normal
 from wbc.identification.choice.evidence import Hypothesis
 from wbc.identification.model.estimation_problem import ALIKE, EstimationProblem
-from wbc.identification.model.fit import Fit, scaled
+from wbc.identification.model.fit import Fit
 from wbc.identification.records import record as rows
 from wbc.identification.records.record import Record
 
@@ -90,9 +91,7 @@ def stand_in_evidence(
     usual, weights = fit.usual.jacobian, np.sqrt(h.samples / np.maximum(h.outputs, 1.0))
     jacobian, residual = fit.jacobian * weights[:, None], fit.residual * weights
     flat = jacobian.reshape(residual.size, -1)
-    known, size = scaled(flat.T @ flat + usual.T @ usual)
-    covariance = np.linalg.inv(known)
-    pull = residual.ravel() @ flat / size
+    normal = Normal.of(flat.T @ flat + usual.T @ usual, residual.ravel() @ flat)
     # What filters and simulations distort may look like a cause that is larger somewhere.
     distorted = ALIKE**2 * float(weights**2 @ problem.distorted(h.distorts))
     found, seen = [], dict[int, tuple[list[str], FloatArray, FloatArray]]()
@@ -106,10 +105,10 @@ def stand_in_evidence(
         own = _even(here, where)
         varying = np.hstack([own, _even(np.abs(own), where), _even(there, where)])
         columns = (added[:, felt, None] * varying[:, None]).reshape(-1, varying.shape[1])
-        beside = jacobian[:, felt].reshape(len(columns), -1).T @ columns / size[:, None]
+        beside = jacobian[:, felt].reshape(len(columns), -1).T @ columns / normal.size[:, None]
         alone = np.sum(columns**2, axis=0)
-        told = alone - np.sum(beside * (covariance @ beside), axis=0)
-        along = residual[:, felt].ravel() @ columns - pull @ covariance @ beside
+        told = alone - np.sum(beside * (normal.covariance @ beside), axis=0)
+        along = residual[:, felt].ravel() @ columns + normal.lowest @ beside
         clear = told > _TOLD * alone
         off = distorted * len(residual) / max(float(power.sum()), 1e-300)
         each = _log_odds(along[clear] / told[clear], 1.0 / told[clear] + off)

@@ -1,17 +1,58 @@
-"""Which causes a hypothesis may lose or exchange, by derivatives: no model is fitted for it."""
+"""Which causes a hypothesis may lose, by derivatives: no model is fitted for it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.identification.choice.evidence import Hypothesis, asked, fold_means, log_densities, without
+from wbc.identification.choice.evidence import Hypothesis, asked, density_gained, without
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit, change_along, scaled
 from wbc.robot import Effect, Robot
+
+
+class Normal(NamedTuple):
+    """The minimum of a quadratic form, with some of its numbers given.
+
+    Attributes:
+        covariance: (p, p) inverse of the normal matrix, in units of `size`.
+        lowest: (p,) step to the minimum, likewise.
+        size: (p,) of the numbers.
+    """
+
+    covariance: FloatArray
+    lowest: FloatArray
+    size: FloatArray
+
+    @classmethod
+    def of(cls, gram: FloatArray, moment: FloatArray) -> Normal:
+        """Return the minimum of normal equations (p, p) and (p,)."""
+        known, size = scaled(gram)
+        size = np.where(np.diagonal(gram) > 0.0, size, 1.0)  # a column of zeros may have any step
+        return cls.in_units(known, moment / size, size)
+
+    @classmethod
+    def in_units(cls, known: FloatArray, moment: FloatArray, size: FloatArray) -> Normal:
+        """Return the minimum of normal equations in units of the sizes (p,) of the numbers."""
+        covariance = np.linalg.inv(known)
+        return cls(np.asarray(covariance), -(covariance @ moment), size)
+
+    def with_steps(self, given: Sequence[int], steps: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the step (p,) to the minimum with given steps, and the covariance of the others.
+
+        With C the covariance, n the step to the minimum and s the steps of the numbers g that are
+        given, these are  n + C_:g C_gg^-1 (s - n_g)  and  C - C_:g C_gg^-1 C_g:.
+        """
+        rows = list(given)
+        along = self.covariance[:, rows]
+        told = np.linalg.solve(self.covariance[np.ix_(rows, rows)], along.T)
+        lacking = steps * self.size[rows] - self.lowest[rows]
+        left = self.covariance - along @ told
+        step = (self.lowest + lacking @ told) / self.size
+        return step, left / np.outer(self.size, self.size)
 
 
 def losses(
@@ -28,53 +69,13 @@ def losses(
         h: the hypothesis.
         drops: causes that are dropped together.
     """
-    stays = _as_left(problem, h, fit.residual)
+    here = np.mean(fit.residual**2, axis=0)
     found = []
     for dropped, residual in zip(drops, without_each(problem, fit, drops), strict=True):
-        moved = _as_left(problem, h, residual)
-        left = replace(moved, effects=without(h.effects, *dropped))
-        here, there = log_densities(problem, [stays, left]).sum(axis=1)
-        found.append((float(here - there), _cheaper(h, dropped, left.effects)))
+        left = np.mean(residual**2, axis=0)[None]
+        (gain,) = density_gained(problem, h, here, left, h.samples).tolist()
+        found.append((-gain, cheaper(h, dropped, ())))
     return found
-
-
-def exchanged(
-    problem: EstimationProblem,
-    fit: Fit,
-    h: Hypothesis,
-    own: Sequence[Effect],
-    columns: FloatArray,
-    effects: Sequence[Effect],
-) -> tuple[float, float]:
-    """Return what causes in the place of others gain of the log density and of the prior [nats].
-
-    To first order, nothing held out, and without what implausible numbers of the new ones cost.
-
-    Args:
-        problem: the logs.
-        fit: of the hypothesis.
-        h: the hypothesis.
-        own: its causes that give way; none where others stand beside all.
-        columns: (rows, judged outputs, r) by which each number of the new ones changes residuals.
-        effects: what the hypothesis then holds.
-    """
-    felt = np.flatnonzero(columns.any(axis=(0, 2)))
-    columns, weight = columns[:, felt], 1.0 / fit.usual.noise[felt]
-    gram, moment = fit.known, fit.moment
-    weighted = (columns * weight[:, None]).reshape(-1, columns.shape[2])
-    beside = fit.jacobian[:, felt].reshape(len(weighted), moment.size).T @ weighted
-    among = columns.reshape(len(weighted), -1).T @ weighted
-    along = fit.residual[:, felt].ravel() @ weighted
-    normal = np.block([[gram, beside], [beside.T, among]]), np.concatenate([moment, along])
-    (step,) = _steps(*_scaled(*normal), [until_null(fit, own, problem.robot)])
-    residual = fit.residual + change_along(fit.jacobian, step[: moment.size])
-    residual[:, felt] += columns @ step[moment.size :]
-    stays = _as_left(problem, h, fit.residual)
-    # What a cause more takes away may be all that was correlated.
-    samples = h.samples if own else problem.white_samples
-    left = replace(_as_left(problem, h, residual), effects=tuple(effects), samples=samples)
-    here, there = log_densities(problem, [stays, left]).sum(axis=1)
-    return float(there - here), _cheaper(h, own, effects)
 
 
 def gains(
@@ -92,7 +93,9 @@ def gains(
     for rows, gram, moment in fit.without_each():
         known, along, norm = fit.beside_usual(gram, moment)
         size = np.where(np.isfinite(norm), norm, 1.0)  # a column of zeros may have any step
-        for sums, step in zip(squares, _steps(known, along, size, gone), strict=True):
+        lowest = Normal.in_units(known, along, size)
+        for sums, given in zip(squares, gone, strict=True):
+            step, _ = lowest.with_steps(*given)
             left = fit.residual[rows] + change_along(fit.jacobian[rows], step)
             sums += np.einsum("ro,ro->o", left, left)
     means = squares / len(fit.residual)
@@ -103,8 +106,9 @@ def without_each(
     problem: EstimationProblem, fit: Fit, drops: Sequence[Sequence[Effect]]
 ) -> Iterator[FloatArray]:
     """Yield what is left (rows, outputs) without the causes of each drop."""
-    gone = [until_null(fit, dropped, problem.robot) for dropped in drops]
-    for step in _steps(*_scaled(fit.known, fit.moment), gone):
+    lowest = Normal.of(fit.known, fit.moment)
+    for dropped in drops:
+        step, _ = lowest.with_steps(*until_null(fit, dropped, problem.robot))
         yield fit.residual + change_along(fit.jacobian, step)
 
 
@@ -132,56 +136,16 @@ def until_null(fit: Fit, own: Sequence[Effect], robot: Robot) -> tuple[list[int]
     return gone, np.array(steps)
 
 
-def _cheaper(h: Hypothesis, dropped: Sequence[Effect], effects: Sequence[Effect]) -> float:
-    """Return what the log prior gains where causes of a hypothesis are dropped [nats].
+def cheaper(h: Hypothesis, dropped: Sequence[Effect], added: Sequence[Effect]) -> float:
+    """Return what the log prior gains where causes of a hypothesis give way to others [nats].
 
     Args:
         h: the hypothesis.
-        dropped: its causes.
-        effects: what it then holds; new ones have plausible numbers.
+        dropped: its causes that give way.
+        added: new ones, with plausible numbers.
     """
-    keys = {effect.key for effect in dropped}
-    costs = zip(h.effects, h.implausible, strict=True)
-    saved = sum(cost for effect, cost in costs if effect.key in keys)
-    untold = dict(zip(h.keys, h.untold, strict=True))
-    kept = sum(untold.get(effect.key, 0.0) for effect in effects)
-    return h.asked - asked(effects, kept) + saved
-
-
-def _scaled(gram: FloatArray, moment: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return normal equations in units of the parameters' sizes, and these."""
-    known, size = scaled(gram)
-    return known, moment / size, size
-
-
-def _steps(
-    known: FloatArray,
-    moment: FloatArray,
-    size: FloatArray,
-    drops: Sequence[tuple[list[int], FloatArray]],
-) -> list[FloatArray]:
-    """Return the steps (p,) after which some parameters say nothing, the others fitted again.
-
-    With C the inverse of the normal matrix, n the step to the minimum and s that of the parameters
-    that go, it is  n + C_:g C_gg^-1 (s - n_g).
-
-    Args:
-        known: (p, p) normal matrix, in units of `size`.
-        moment: (p,) likewise.
-        size: (p,) of the parameters.
-        drops: each the numbers g of the parameters, and their steps s.
-    """
-    covariance = np.linalg.inv(known)
-    lowest = -(covariance @ moment)
-    found = []
-    for gone, steps in drops:
-        lacking = steps * size[gone] - lowest[gone]
-        own = covariance[np.ix_(gone, gone)]
-        found.append((lowest + covariance[:, gone] @ np.linalg.solve(own, lacking)) / size)
-    return found
-
-
-def _as_left(problem: EstimationProblem, h: Hypothesis, residual: FloatArray) -> Hypothesis:
-    """Return the hypothesis as if it left this residual (rows, outputs), nothing held out."""
-    squares = fold_means(problem.folds, residual**2)
-    return replace(h, folds=squares, beside=squares)
+    rest = without(h.effects, *dropped)
+    kept = {effect.key for effect in rest}
+    saved = sum(cost for key, cost in zip(h.keys, h.implausible, strict=True) if key not in kept)
+    untold = sum(own for key, own in zip(h.keys, h.untold, strict=True) if key in kept)
+    return h.asked - asked((*rest, *added), untold) + saved

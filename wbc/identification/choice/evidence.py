@@ -330,3 +330,34 @@ def log_densities(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) 
         density = -0.5 * np.sum(samples * (np.log(variance) + left / variance), axis=0)
         densities.append(density - samples.sum(axis=0) * h.unheard)
     return np.array(densities)
+
+
+def density_gained(
+    problem: EstimationProblem,
+    h: Hypothesis,
+    before: FloatArray,
+    after: FloatArray,
+    samples: FloatArray,
+) -> FloatArray:
+    """Return (K,) by how much the log density of a hypothesis rises where it left other squares.
+
+    As `log_densities`, nothing held out.
+
+    Args:
+        problem: the logs.
+        h: the hypothesis.
+        before: (outputs,) mean squares that it leaves, in floors.
+        after: (K, outputs) others.
+        samples: (outputs,) independent samples per row of what these leave.
+    """
+    distorted, rows = problem.distorted(h.distorts), h.rows.sum()
+    count = rows * np.where(after < before, samples, h.samples)
+    if h.swings:
+        least = 1.0 + distorted
+        one, other = (np.maximum(s, least) for s in (before, after))
+        return np.asarray(-0.5 * np.sum(count * np.log(other / one), axis=1))
+    left = np.maximum(np.minimum(before, after), 1.0) + distorted
+    count = count / (1.0 + count * ALIKE**2 * distorted / left)
+    one, other = (np.maximum(s, 1.0) + distorted for s in (before, after))
+    change = np.log(other / one) + after / other - before / one
+    return np.asarray(-0.5 * np.sum(count * change, axis=1))

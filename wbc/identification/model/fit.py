@@ -18,7 +18,7 @@ from wbc.identification.records.record import Record, rows_of_folds
 from wbc.robot import Effect, Parameter, Robot
 
 # Added to a diagonal of ones, so that parameters that repeat one another can be solved for.
-_RIDGE = 1e-9
+RIDGE = 1e-9
 
 
 class Part(NamedTuple):
@@ -178,7 +178,7 @@ def scaled(information: FloatArray) -> tuple[FloatArray, FloatArray]:
     It can be solved where parameters repeat one another.
     """
     size = np.sqrt(np.maximum(np.diagonal(information), 1e-300))
-    return information / np.outer(size, size) + _RIDGE * np.eye(size.size), size
+    return information / np.outer(size, size) + RIDGE * np.eye(size.size), size
 
 
 def beside_others(information: FloatArray, rows: Sequence[int]) -> FloatArray:
@@ -583,5 +583,5 @@ def _least_squares(gram: FloatArray, moment: FloatArray) -> FloatArray:
     """Return the solution (p,) of normal equations, weak directions and idle columns left alone."""
     norm = np.sqrt(np.diagonal(gram))
     size = np.where(norm > _IDLE * norm.max(initial=0.0), norm, np.inf)
-    known = gram / np.outer(size, size) + _RIDGE * np.eye(size.size)
+    known = gram / np.outer(size, size) + RIDGE * np.eye(size.size)
     return np.asarray(np.linalg.solve(known, moment / size) / size)
