@@ -510,8 +510,8 @@ class CenterOfMass(Effect):
         """
         joint = robot.body_joint(self.where)
         before = robot.model.inertias[joint]
-        center = before.lever + np.array([self.x, self.y, self.z])
-        after = pin.Inertia(before.mass, center, before.inertia)
+        after = before.copy()  # pinocchio makes none anew of what rounding takes below zero
+        after.lever = before.lever + np.array([self.x, self.y, self.z])
         return robot.with_inertia(joint, require_physical(before, after, self.where))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import chain
+from itertools import chain, combinations
 
 from wbc.identification.choice.evidence import Hypothesis, Key, Offer, weigh, without
 from wbc.identification.choice.screen import CauseScreen, Proposed
@@ -66,31 +66,34 @@ class Proposer:
         return [(*h.effects, *one.added) for one in best if MISSED * one.density > -one.prior]
 
     def exchanges(self, h: Hypothesis, count: int, *, hopeless: bool = False) -> list[Offer]:
-        """Return the most promising exchanges of any one cause of a hypothesis, best first.
+        """Return the most promising exchanges of one cause of a hypothesis, or of two at a place.
+
+        The best first. A lossy gear is load friction and a torque constant together.
 
         Args:
             h: the hypothesis.
-            count: how many offers are looked at in the place of one cause.
-            hopeless: whether those count that cannot win by derivatives.
+            count: how many offers are looked at in the place of the same causes.
+            hopeless: whether those of one cause count, even if they cannot win by derivatives.
         """
-        found: list[tuple[float, Offer]] = []
-        for own in h.effects:
-            found += self._instead(h, own, count, hopeless)
+        pairs = [] if hopeless else combinations(h.effects, 2)
+        given: list[Offer] = [(own,) for own in h.effects]
+        given += [(one, other) for one, other in pairs if one.where == other.where]
+        found = [pair for own in given for pair in self._instead(h, own, count, hopeless)]
         found.sort(key=lambda pair: -pair[0])
         return [offer for _, offer in found[:_EXCHANGES]]
 
     def _instead(
-        self, h: Hypothesis, own: Effect, count: int, hopeless: bool
+        self, h: Hypothesis, own: Offer, count: int, hopeless: bool
     ) -> list[tuple[float, Offer]]:
-        """Return the most promising causes in the place of one, and by how much the evidence rises.
+        """Return the most promising causes in the place of some, and how far the evidence rises.
 
-        The columns are those beside the hypothesis. What is left without the cause its derivatives
-        say where it acts linearly, else a fit without it.
+        The columns are those beside the hypothesis. What is left without the causes its derivatives
+        say where they act linearly, else a fit without them.
         """
-        screen, rest = self._around(h), without(h.effects, own)
-        linear = own.search.gradual and not drawn(own) and own.acts_by <= _LINEAR_HOOKS
+        screen, rest = self._around(h), without(h.effects, *own)
+        linear = all(e.search.gradual and not drawn(e) and e.acts_by <= _LINEAR_HOOKS for e in own)
         if linear or h.swings:
-            found, lost = screen.ranked([own], h.keys, count), 0.0
+            found, lost = screen.ranked(own, h.keys, count), 0.0
         else:
             fewer = self.trials.of(rest, h)
             if fewer is None:
@@ -98,12 +101,11 @@ class Proposer:
             left, right = weigh(self.trials.problem, [fewer, h])
             lost, rest = float(left - right), fewer.effects
             found = screen.beside(fewer, self.trials.fit(fewer)).ranked((), h.keys, count)
-        least = -HOPELESS if linear else -_BEYOND_FITS
-        enough = {True: -_BEYOND_FITS, False: least}
+        least = {True: -_BEYOND_FITS, False: -HOPELESS if linear else -_BEYOND_FITS}
         return [
             (lost + one.gain, (*rest, *one.added))
             for one in found
-            if hopeless or lost + one.gain > enough[one.shaped]
+            if hopeless or lost + one.gain > least[one.shaped]
         ]
 
     def _around(self, h: Hypothesis) -> CauseScreen:
