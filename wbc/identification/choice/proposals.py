@@ -88,24 +88,23 @@ class Proposer:
         """Return the most promising causes in the place of some, and how far the evidence rises.
 
         The columns are those beside the hypothesis. What is left without the causes its derivatives
-        say where they act linearly, else a fit without them.
+        say where they follow them, else a fit without them.
         """
-        screen, rest = self._around(h), without(h.effects, *own)
-        linear = all(e.search.gradual and not drawn(e) and e.acts_by <= _LINEAR_HOOKS for e in own)
-        if linear or h.swings:
-            found, lost = screen.ranked(own, h.keys, count), 0.0
-        else:
-            fewer = self.trials.of(rest, h)
-            if fewer is None:
-                return []
+        screen, rest, lost = self._around(h), without(h.effects, *own), 0.0
+        if h.swings or all(e.search.gradual and not drawn(e) for e in own):
+            found = screen.ranked(own, h.keys, count)
+        elif (fewer := self.trials.of(rest, h)) is not None:
             left, right = weigh(self.trials.problem, [fewer, h])
             lost, rest = float(left - right), fewer.effects
             found = screen.beside(fewer, self.trials.fit(fewer)).ranked((), h.keys, count)
-        least = {True: -_BEYOND_FITS, False: -HOPELESS if linear else -_BEYOND_FITS}
+        else:
+            return []
+        straight = all(e.acts_by <= _LINEAR_HOOKS for e in own)
         return [
             (lost + one.gain, (*rest, *one.added))
             for one in found
-            if hopeless or lost + one.gain > least[one.shaped]
+            if hopeless
+            or lost + one.gain > -(_BEYOND_FITS if one.shaped or not straight else HOPELESS)
         ]
 
     def _around(self, h: Hypothesis) -> CauseScreen:

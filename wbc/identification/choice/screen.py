@@ -226,13 +226,17 @@ class CauseScreen:
     def _proposed(
         self, several: tuple[int, ...], density: float, numbers: FloatArray, own: Sequence[Effect]
     ) -> Proposed | None:
-        """Return causes with their numbers; None where a robot cannot have them."""
+        """Return causes with their numbers; None where a robot cannot have them.
+
+        Friction may not push: of several that are possible alone, those two or more count that are
+        possible beside the others.
+        """
         made = [self.regressors[k] for k in several]
         parts = np.split(numbers, np.cumsum([one.size for one in made])[:-1])
         pairs = zip(made, parts, strict=True)
         added = [one.build(self.fit.robot, part) for one, part in pairs]
         new = tuple(effect for effect in added if effect is not None)
-        if len(new) < len(made):
+        if len(new) < min(len(made), 2):
             return None
         shaped = any(p.shape for effect in new for p in effect.parameters)
         return Proposed(density, cheaper(self.h, own, new), new, shaped)
