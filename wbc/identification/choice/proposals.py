@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import chain, combinations
 
-from wbc.identification.choice.evidence import Hypothesis, Key, Offer, weigh, without
+from wbc.identification.choice.evidence import Hypothesis, Offer, weigh, without
 from wbc.identification.choice.screen import CauseScreen, Proposed
 from wbc.identification.choice.trials import HOPELESS, Trials
 from wbc.identification.model.columns import ADDS, drawn
@@ -36,20 +36,19 @@ class Proposer:
     candidates: tuple[type[Effect], ...]
     _screens: dict[Offer, CauseScreen] = field(default_factory=dict)
 
-    def beside(self, h: Hypothesis, count: int, exclude: Sequence[Key] = ()) -> list[Offer]:
+    def beside(self, h: Hypothesis, count: int) -> list[Offer]:
         """Return the most promising causes beside those of a hypothesis, best first.
 
         Args:
             h: the hypothesis.
             count: how many offers at most, beside drawings.
-            exclude: names and places that are not offered.
         """
-        screen, taken = self._around(h), (*h.keys, *exclude)
-        found = screen.ranked((), taken, count)
-        found += screen.together(screen.in_all_gears(taken), count)
+        screen = self._around(h)
+        found = screen.ranked((), h.keys, count)
+        found += screen.together(screen.in_all_gears(h.keys), count)
         # A wrong drawing is imitated by many that explain a part each: it is tried beside them all.
-        drawn = () if h.swings else screen.drawings(taken)
-        return [*self._may_add(h, found)[:count], *((*h.effects, *one.added) for one in drawn)]
+        drawings = () if h.swings else screen.drawings(h.keys)
+        return [*_may_add(h, found)[:count], *((*h.effects, *one.added) for one in drawings)]
 
     def pairs_beside(self, h: Hypothesis, count: int) -> list[Offer]:
         """Return the effects of a hypothesis with two more that explain most together.
@@ -58,12 +57,7 @@ class Proposer:
         """
         screen = self._around(h)
         each = (screen.together(pairs, count) for pairs in screen.pairs(h.keys))
-        return self._may_add(h, [*chain.from_iterable(each)])[:count]
-
-    def _may_add(self, h: Hypothesis, found: Sequence[Proposed]) -> list[Offer]:
-        """Return causes more of which derivatives do not say that they explain far too little."""
-        best = sorted(found, key=lambda one: -one.gain)
-        return [(*h.effects, *one.added) for one in best if MISSED * one.density > -one.prior]
+        return _may_add(h, [*chain.from_iterable(each)])[:count]
 
     def exchanges(self, h: Hypothesis, count: int, *, hopeless: bool = False) -> list[Offer]:
         """Return the most promising exchanges of one cause of a hypothesis, or of two at a place.
@@ -115,3 +109,9 @@ class Proposer:
             screen = CauseScreen.of(trials.problem, h, fit, self.candidates, trials.failures)
             self._screens = {h.effects: screen}
         return self._screens[h.effects]
+
+
+def _may_add(h: Hypothesis, found: Sequence[Proposed]) -> list[Offer]:
+    """Return causes more of which derivatives do not say that they explain far too little."""
+    best = sorted(found, key=lambda one: -one.gain)
+    return [(*h.effects, *one.added) for one in best if MISSED * one.density > -one.prior]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
@@ -13,7 +12,7 @@ from wbc.identification.choice.drop_screen import losses
 from wbc.identification.choice.evidence import (
     LEAST_ASKED,
     Hypothesis,
-    Key,
+    Offer,
     left_to_gain,
     weigh,
     without,
@@ -21,26 +20,20 @@ from wbc.identification.choice.evidence import (
 from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.proposals import MISSED, Proposer
 
-_ADDED = 6  # offers that are fitted for one addition
-_PAIRS = 6  # ... of two causes
+_ADDED = 6  # offers that are fitted for one addition, of one cause or two
 _SWAPPED = 5  # ... that are looked at in the place of one cause
 _MOST_MOVES = 60
-_MASKS = 2  # times that what explains most and is not believed is put aside
-_MASKING = 0.8  # of the error, below which a cause that is not believed may hide others
 
 
 def _drops(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
-    """Yield hypotheses without a cause, a name at all its places, or all that says too little.
+    """Yield hypotheses without a cause, or without all that say too little.
 
     Those alone are fitted of which the derivatives say that they may win, the most likely first.
     """
-    trials, single = proposer.trials, [(effect,) for effect in h.effects]
-    names = Counter(effect.name for effect in h.effects)
-    repeated = [name for name, count in names.items() if count > 1]
-    named = [tuple(effect for effect in h.effects if effect.name == name) for name in repeated]
-    # what derivatives do not tell is fitted
-    sudden = [own for own in (*single, *named) if not all(e.search.gradual for e in own)]
-    offers = [own for own in (*single, *named) if own not in sudden]
+    trials = proposer.trials
+    single: list[Offer] = [(effect,) for effect in h.effects]
+    sudden = [own for own in single if not own[0].search.gradual]  # fits tell
+    offers = [own for own in single if own not in sudden]
     fit = trials.fit(h)
     each = dict(zip(offers, losses(trials.problem, fit, h, offers), strict=True))
     idle = tuple(own[0] for own in single if own in each and each[own][0] < each[own][1])
@@ -139,29 +132,20 @@ class Search:
         """
         if current.swings:
             return None
-        offers = self.proposer.pairs_beside(current, _PAIRS)
+        offers = self.proposer.pairs_beside(current, _ADDED)
         pairs = [self.best([h], current) for h in self.proposer.trials.rivals_of(current, offers)]
         return self.best([h for h in pairs if h is not None], current)
 
     def _addition(self, current: Hypothesis) -> Hypothesis | None:
         """Return the best hypothesis with a cause more, at one place or in all gears.
 
-        What explains much by impossible numbers hides what explains less: it is put aside. What no
-        machine is likely to have at one joint must not hide what is there at others, either.
+        What no machine is likely to have at one joint must not hide what is there at others.
         """
-        trials, exclude = self.proposer.trials, list[Key]()
-        for _ in range(_MASKS + 1):
-            longer = trials.rivals_of(current, self.proposer.beside(current, _ADDED, exclude))
-            several = [h for h in longer if not h.believable]
-            likely = [h.likely for h in several if len(h.likely) > len(current.effects)]
-            longer += trials.rivals_of(current, likely)
-            if better := self.best(longer, current):
-                return better
-            masks = [h for h in longer if h.error < _MASKING * current.error]
-            if not masks:
-                return None
-            exclude += [key for h in masks for key in h.keys if key not in current.keys]
-        return None
+        trials = self.proposer.trials
+        longer = trials.rivals_of(current, self.proposer.beside(current, _ADDED))
+        several = [h for h in longer if not h.believable]
+        likely = [h.likely for h in several if len(h.likely) > len(current.effects)]
+        return self.best([*longer, *trials.rivals_of(current, likely)], current)
 
     def _tell(self, before: Hypothesis, after: Hypothesis) -> None:
         added = [
