@@ -26,7 +26,12 @@ from wbc.identification.drive_times import (
 from wbc.identification.model.columns import Columns
 from wbc.identification.model.fit import ITERATIONS, Fit, refine
 from wbc.identification.model.held_contacts import HeldContacts
-from wbc.identification.model.residual import condensed_residual, passed_on, torque_of_drives
+from wbc.identification.model.residual import (
+    beyond_limits,
+    condensed_residual,
+    passed_on,
+    torque_of_drives,
+)
 from wbc.identification.model.yielding import rubbing_effects
 from wbc.identification.readings import find_repeats, suspicions
 from wbc.identification.readings.checks import require_readable, require_robot_and_logs
@@ -75,7 +80,6 @@ ONLY_NOISE = 1.3  # mean square in floors up to which a residual is taken for no
 # five and 0.88 at its end; on the wrong side 185.
 _TRIED = 5
 _DRAWS = 8  # of the noise that a drive takes away, whose spread is then known to a quarter
-_ROUNDING = 1e-9  # of a floor
 DISTORTED = 0.01
 """Share of the first error (rms) that filters and derivatives distort."""
 ALIKE = 0.1
@@ -351,8 +355,8 @@ class EstimationProblem:
         return [reported_noise(record, random) for record in self.records]
 
     @cached_property
-    def _first_drawn(self) -> list[list[FloatArray]]:
-        return [self._drawn(0), self._drawn(1)]
+    def _draws(self) -> list[list[FloatArray]]:
+        return [self._drawn(seed) for seed in range(2 * _DRAWS)]
 
     def _noise_taken(
         self,
@@ -400,7 +404,9 @@ class EstimationProblem:
         robot, (less, lacks) = fit.robot, np.zeros((2, self.whitening.shape[1]))
         if robot.model is not self.robot.model:
             less += np.maximum(self._given_noise - self._noise_of(robot), 0.0)
-        if any("drive" in effect.acts_by for effect in fit.effects):
+        limited = any("drive" in effect.acts_by for effect in fit.effects)
+        # Within limits no noise of a report is clipped.
+        if limited and any(np.any(beyond_limits(robot, r)) for r in self.records):
             samples = self.independent_samples(fit.residual)
             white = np.minimum(samples / self.white_samples, 1.0)
             size, left = np.ones(len(self.whitening)), np.mean(fit.residual**2, axis=0)
@@ -409,13 +415,11 @@ class EstimationProblem:
                 low_pass(torque_of_drives(robot, r)[1], r.bandwidth.residual, r.rate)
                 for r in self.records
             ]
-            taken = self._noise_taken(robot, needs, size, self._first_drawn)
-            if np.any(taken > _ROUNDING):
-                more = ([self._drawn(k), self._drawn(k + 1)] for k in range(2, 2 * _DRAWS, 2))
-                draws = [taken, *(self._noise_taken(robot, needs, size, own) for own in more)]
-                count = len(fit.residual) * samples / np.maximum(left, 1.0)
-                taken, lacks = np.mean(draws, axis=0), 0.25 * count * np.var(draws, axis=0, ddof=1)
-            less += np.maximum(taken, 0.0)
+            pairs = zip(self._draws[::2], self._draws[1::2], strict=True)
+            taken = [self._noise_taken(robot, needs, size, pair) for pair in pairs]
+            count = len(fit.residual) * samples / np.maximum(left, 1.0)
+            less += np.maximum(np.mean(taken, axis=0), 0.0)
+            lacks = 0.25 * count * np.var(taken, axis=0, ddof=1)
         return less, lacks
 
     def distorted(self, share: float) -> FloatArray:
