@@ -69,7 +69,7 @@ class Proposer:
             count: how many offers are looked at in the place of the same causes.
             hopeless: whether those of one cause count, even if they cannot win by derivatives.
         """
-        pairs = [] if hopeless else combinations(h.effects, 2)
+        pairs = () if hopeless or h.swings else combinations(h.effects, 2)
         given: list[Offer] = [(own,) for own in h.effects]
         given += [(one, other) for one, other in pairs if one.where == other.where]
         found = [pair for own in given for pair in self._instead(h, own, count, hopeless)]
