@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import chain, combinations
 
+import numpy as np
+
+from wbc.identification.choice.drop_screen import losses
 from wbc.identification.choice.evidence import Hypothesis, Offer, weigh, without
 from wbc.identification.choice.screen import CauseScreen, Proposed
 from wbc.identification.choice.trials import HOPELESS, Trials
@@ -82,23 +85,26 @@ class Proposer:
         """Return the most promising causes in the place of some, and how far the evidence rises.
 
         The columns are those beside the hypothesis. What is left without the causes its derivatives
-        say where they follow them, else a fit without them.
+        say where they follow them, else a fit without them. What adds nothing to the evidence
+        beside the rest takes nobody's place.
         """
-        screen, rest, lost = self._around(h), without(h.effects, *own), 0.0
+        screen, rest, problem = self._around(h), without(h.effects, *own), self.trials.problem
+        first = 0.0
         if h.swings or all(e.search.gradual and not drawn(e) for e in own):
-            found = screen.ranked(own, h.keys, count)
+            loss, saved = losses(problem, self.trials.fit(h), h, [own])[0]
+            found, alone = screen.ranked(own, h.keys, count), saved - loss
         elif (fewer := self.trials.of(rest, h)) is not None:
-            left, right = weigh(self.trials.problem, [fewer, h])
-            lost, rest = float(left - right), fewer.effects
+            first = alone = float(-np.diff(weigh(problem, [fewer, h]))[0])
+            rest = fewer.effects
             found = screen.beside(fewer, self.trials.fit(fewer)).ranked((), h.keys, count)
         else:
             return []
         straight = all(e.acts_by <= _LINEAR_HOOKS for e in own)
+        pairs = [(first + one.gain, one) for one in found if first + one.gain > alone]
         return [
-            (lost + one.gain, (*rest, *one.added))
-            for one in found
-            if hopeless
-            or lost + one.gain > -(_BEYOND_FITS if one.shaped or not straight else HOPELESS)
+            (gain, (*rest, *one.added))
+            for gain, one in pairs
+            if hopeless or gain > -(_BEYOND_FITS if one.shaped or not straight else HOPELESS)
         ]
 
     def _around(self, h: Hypothesis) -> CauseScreen:

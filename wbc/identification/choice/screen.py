@@ -16,10 +16,11 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
+from itertools import chain, combinations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.choice.candidate_columns import Regressor, evidence, make_regressors
@@ -31,9 +32,13 @@ from wbc.identification.model.fit import RIDGE, Fit
 from wbc.identification.model.residual import evaluate
 from wbc.robot import Effect, Evidence
 
-_TOGETHER = 64  # columns that are multiplied at once
+_AT_ONCE = 16  # causes whose columns are multiplied at once
 _BUILT = 40  # causes whose numbers are looked at, those that add most density first
 _WHOLE = "robot"  # where effects sit that have no place
+
+
+Numbers = tuple[int, ...]
+"""Of causes, among those of a screen."""
 
 
 class Proposed(NamedTuple):
@@ -58,25 +63,25 @@ class Proposed(NamedTuple):
 
 
 class _Products(NamedTuple):
-    """Products of the columns of K causes, r each, at every output."""
+    """Products of r columns at every output; with a leading axis of choices of them."""
 
     beside: FloatArray
-    """(K, outputs, p, r) with the derivatives of the fit."""
+    """(outputs, p, r) with the derivatives of the fit."""
     among: FloatArray
-    """(K, outputs, r, r) with one another."""
+    """(outputs, r, r) with one another."""
     along: FloatArray
-    """(K, outputs, r) with what is left."""
+    """(outputs, r) with what is left."""
     usual: FloatArray
-    """(K, r, r) normal equations of what is usual."""
+    """(r, r) normal equations of what is usual."""
 
     def some(self, columns: IntArray) -> _Products:
-        """Return the products of choices (K, s) of the columns of the first cause."""
+        """Return the products of choices (K, s) of the columns."""
         rows, others = columns[:, :, None], columns[:, None]
         return _Products(
-            self.beside[0][:, :, columns].transpose(2, 0, 1, 3),
-            self.among[0][:, rows, others].swapaxes(0, 1),
-            self.along[0][:, columns].swapaxes(0, 1),
-            self.usual[0][rows, others],
+            self.beside[:, :, columns].transpose(2, 0, 1, 3),
+            self.among[:, rows, others].swapaxes(0, 1),
+            self.along[:, columns].swapaxes(0, 1),
+            self.usual[rows, others],
         )
 
 
@@ -142,13 +147,11 @@ class CauseScreen:
             taken: names and places that are not proposed.
             count: how many at most.
         """
-        density, numbers = self._gained(own)
         found: dict[Key, Proposed] = {}
-        for k in np.argsort(-density).tolist():
+        for k, density, numbers in self._best_first(own, taken):
             key = self.regressors[k].key
-            if key not in found and key not in taken:
-                made = self._proposed((k,), float(density[k]), numbers[k], own)
-                found |= {} if made is None else {key: made}
+            if key not in found and (made := self._proposed((k,), density, numbers, own)):
+                found[key] = made
             if len(found) == _BUILT:
                 break
         return sorted(found.values(), key=lambda one: -one.gain)[:count]
@@ -158,62 +161,49 @@ class CauseScreen:
 
         Derivatives say little of it, and many others imitate a part each.
         """
-        density, numbers = self._gained(())
         found: dict[type[Effect], Proposed] = {}
-        for k in np.argsort(-density).tolist():
+        for k, density, numbers in self._best_first((), taken):
             own = self.regressors[k]
-            if own.drawn and own.effect not in found and own.key not in taken:
-                made = self._proposed((k,), float(density[k]), numbers[k], ())
+            if own.drawn and own.effect not in found:
+                made = self._proposed((k,), density, numbers, ())
                 found |= {} if made is None else {own.effect: made}
         return list(found.values())
 
-    def together(self, sets: Sequence[tuple[int, ...]], count: int) -> list[Proposed]:
-        """Return what sets of causes, by number, add together where a robot can have them.
+    def together(self, sets: Sequence[Numbers], count: int) -> list[Proposed]:
+        """Return what sets of causes add together where a robot can have them.
 
         Args:
             sets: of causes that are looked at together.
             count: how many are returned at most, those that add most density.
         """
-        if not sets:
-            return []
-        every = sorted({k for several in sets for k in several})
-        ends = np.cumsum([0, *(self.regressors[k].size for k in every)]).tolist()
-        own = {k: [*range(*ends[n : n + 2])] for n, k in enumerate(every)}
-        whole = self._products([self._columns(every)], [self._usual_of(every)])[0]
-        groups: dict[int, list[tuple[int, ...]]] = {}
-        for several in sets:
-            groups.setdefault(sum(len(own[k]) for k in several), []).append(several)
-        found: list[tuple[float, tuple[int, ...], FloatArray]] = []
-        for alike in groups.values():
-            places = np.array([[row for k in several for row in own[k]] for several in alike])
-            density, numbers = self._density(whole.some(places), ())
+        found: list[tuple[float, Numbers, FloatArray]] = []
+        for alike, products in self._by_size(sets):
+            density, numbers = self._density(products, ())
             found += zip(density.tolist(), alike, numbers, strict=True)
         found.sort(key=lambda one: -one[0])
         best: dict[frozenset[Key], Proposed] = {}
         for gain, several, numbers in found:
             keys = frozenset(self.regressors[k].key for k in several)
-            made = None if keys in best else self._proposed(several, gain, numbers, ())
-            best |= {} if made is None else {keys: made}
+            if keys not in best and (made := self._proposed(several, gain, numbers, ())):
+                best[keys] = made
             if len(best) == count:
                 break
         return list(best.values())
 
-    def in_all_gears(self, taken: Sequence[Key]) -> list[tuple[int, ...]]:
+    def in_all_gears(self, taken: Sequence[Key]) -> list[Numbers]:
         """Return every effect in its best shape at all joints at which it can be.
 
         One cause in all gears is a simpler story than two different ones.
         """
-        density, numbers = self._gained(())
         groups: dict[str, dict[str, int]] = {}
-        for k in np.argsort(-density).tolist():
+        for k, _, numbers in self._best_first((), taken):
             own = self.regressors[k]
-            if own.where in self.problem.robot.transmission.joints and own.key not in taken:
-                best = groups.setdefault(own.effect.name, {})
-                if own.where not in best and own.build(self.fit.robot, numbers[k]) is not None:
-                    best[own.where] = k
+            best = groups.setdefault(own.effect.name, {})
+            if own.where in self.problem.robot.transmission.joints and own.where not in best:
+                best |= {} if own.build(self.fit.robot, numbers) is None else {own.where: k}
         return [(*best.values(),) for best in groups.values() if len(best) > 1]
 
-    def pairs(self, taken: Sequence[Key]) -> Iterator[list[tuple[int, ...]]]:
+    def pairs(self, taken: Sequence[Key]) -> Iterator[list[Numbers]]:
         """Yield all pairs of causes at every place."""
         groups: dict[str, list[int]] = {}
         for k, own in enumerate(self.regressors):
@@ -223,8 +213,20 @@ class CauseScreen:
             pairs = combinations(group, 2)
             yield [p for p in pairs if len({self.regressors[k].key for k in p}) == len(p)]
 
+    def _best_first(
+        self, own: Sequence[Effect], taken: Sequence[Key]
+    ) -> Iterator[tuple[int, float, FloatArray]]:
+        """Yield number, density and numbers of each cause, that which adds most density first."""
+        found: list[tuple[float, Numbers, FloatArray]] = []
+        for alike, products in self._alone:
+            density, each = self._density(products, own)
+            found += zip(density.tolist(), alike, each, strict=True)
+        for gain, (k,), numbers in sorted(found, key=lambda one: -one[0]):
+            if self.regressors[k].key not in taken:
+                yield k, gain, numbers
+
     def _proposed(
-        self, several: tuple[int, ...], density: float, numbers: FloatArray, own: Sequence[Effect]
+        self, several: Numbers, density: float, numbers: FloatArray, own: Sequence[Effect]
     ) -> Proposed | None:
         """Return causes with their numbers; None where a robot cannot have them.
 
@@ -240,21 +242,6 @@ class CauseScreen:
             return None
         shaped = any(p.shape for effect in new for p in effect.parameters)
         return Proposed(density, cheaper(self.h, own, new), new, shaped)
-
-    def _columns(self, several: Sequence[int]) -> FloatArray:
-        """Return (outputs, rows, r) by which the units of causes change the residual."""
-        each = [self.regressors[k].columns.whitened(self.problem.whitening) for k in several]
-        return -np.concatenate(each, axis=2).swapaxes(0, 1)
-
-    def _usual_of(self, several: Sequence[int]) -> FloatArray:
-        """Return (r, r) normal equations of what is usual of causes, in the weights of the fit."""
-        size = sum(self.regressors[k].size for k in several)
-        usual, first = np.zeros((size, size)), 0
-        for own in (self.regressors[k] for k in several):
-            places = slice(first, first := first + own.size)
-            usual[places, places] = own.usual
-        noise = self.problem.row_noise(self.fit.residual) / self.fit.usual.noise
-        return np.asarray(usual * float(noise.min()))
 
     @cached_property
     def _derivatives(self) -> FloatArray:
@@ -272,48 +259,42 @@ class CauseScreen:
         moment = (by_output @ left[:, :, None])[:, :, 0]
         return by_output @ by_output.swapaxes(1, 2), moment, np.sum(left**2, axis=1)
 
-    def _products(
-        self, columns: Sequence[FloatArray], usual: Sequence[FloatArray]
-    ) -> list[_Products]:
-        """Return the products of columns (outputs, rows, r) of each of some causes."""
-        left, found = np.ascontiguousarray(self.fit.residual.T), []
-        whole = self._derivatives @ np.concatenate(columns, axis=2)
-        ends = np.cumsum([own.shape[2] for own in columns])[:-1]
-        for own, beside, known in zip(columns, np.split(whole, ends, axis=2), usual, strict=True):
-            among = own.swapaxes(1, 2) @ own
-            along = (left[:, None] @ own)[:, 0]
-            found.append(_Products(beside[None], among[None], along[None], known[None]))
-        return found
-
     @cached_property
-    def _by_size(self) -> list[tuple[list[int], _Products]]:
-        """The numbers of all causes with as many columns, and their products."""
-        groups: dict[int, tuple[list[int], list[_Products]]] = {}
-        batch: list[int] = []
-        for k in range(len(self.regressors)):
-            batch.append(k)
-            full = sum(self.regressors[n].size for n in batch) >= _TOGETHER
-            if full or k == len(self.regressors) - 1:
-                columns = [self._columns([n]) for n in batch]
-                made = self._products(columns, [self._usual_of([n]) for n in batch])
-                for n, own in zip(batch, made, strict=True):
-                    numbers, products = groups.setdefault(self.regressors[n].size, ([], []))
-                    numbers.append(n)
-                    products.append(own)
-                batch = []
+    def _alone(self) -> list[tuple[list[Numbers], _Products]]:
+        """All causes by themselves, those with as many columns together."""
+        each: dict[int, list[tuple[list[Numbers], _Products]]] = {}
+        for first in range(0, len(self.regressors), _AT_ONCE):
+            some = range(len(self.regressors))[first : first + _AT_ONCE]
+            for alike, products in self._by_size([(k,) for k in some]):
+                each.setdefault(products.along.shape[2], []).append((alike, products))
+        whole = (zip(*parts, strict=True) for parts in each.values())
         return [
-            (numbers, _Products(*(np.concatenate(part) for part in zip(*each, strict=True))))
-            for numbers, each in groups.values()
+            ([*chain(*sets)], _Products(*map(np.concatenate, zip(*products, strict=True))))
+            for sets, products in whole
         ]
 
-    def _gained(self, own: Sequence[Effect]) -> tuple[FloatArray, list[FloatArray]]:
-        """Return what each cause adds to the log density [nats], and its numbers."""
-        density, found = np.zeros(len(self.regressors)), [np.zeros(0)] * len(self.regressors)
-        for numbers, products in self._by_size:
-            density[numbers], each = self._density(products, own)
-            for k, one in zip(numbers, each, strict=True):
-                found[k] = one
-        return density, found
+    def _by_size(self, sets: Sequence[Numbers]) -> Iterator[tuple[list[Numbers], _Products]]:
+        """Yield sets of causes with as many columns, and the products of these."""
+        every = sorted({k for several in sets for k in several})
+        ends = np.cumsum([0, *(self.regressors[k].size for k in every)]).tolist()
+        own = {k: [*range(*ends[n : n + 2])] for n, k in enumerate(every)}
+        places = {several: [row for k in several for row in own[k]] for several in sets}
+        whole = self._products([self.regressors[k] for k in every]) if sets else None
+        for size in sorted({len(rows) for rows in places.values()}):
+            alike = [several for several in sets if len(places[several]) == size]
+            if whole is not None:
+                yield alike, whole.some(np.array([places[several] for several in alike]))
+
+    def _products(self, several: Sequence[Regressor]) -> _Products:
+        """Return the products of the columns of several causes."""
+        whitened = [own.columns.whitened(self.problem.whitening) for own in several]
+        columns = -np.concatenate(whitened, axis=2).swapaxes(0, 1)
+        # What is usual in the weights of the fit.
+        noise = self.problem.row_noise(self.fit.residual) / self.fit.usual.noise
+        usual = block_diag(*(own.usual for own in several)) * float(noise.min())
+        left = np.ascontiguousarray(self.fit.residual.T)
+        beside, among = self._derivatives @ columns, columns.swapaxes(1, 2) @ columns
+        return _Products(beside, among, (left[:, None] @ columns)[:, 0], usual)
 
     def _density(self, new: _Products, own: Sequence[Effect]) -> tuple[FloatArray, FloatArray]:
         """Return (K,) what causes add to the log density [nats], and their numbers (K, r)."""
