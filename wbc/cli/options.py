@@ -209,7 +209,7 @@ example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
   --between rotor_inertia@knee payload_mass@shin --out trajectory.csv""",
     ),
     "export": Subcommand(
-        "a robot for MuJoCo with its losses, or as URDF",
+        "a robot for MuJoCo with its losses",
         "robot --to/format --file --json",
         "example: wbc export fitted.toml --to mujoco --file fitted.xml",
     ),
