@@ -36,7 +36,7 @@ def test_columns_are_what_the_whole_residual_loses(
     robot = problem.robot.with_effects(*others)
     before = condensed_residual(robot, records)
     at = evaluate(problem.robot, others, records, problem.whitening)
-    regressors = make_regressors(problem.columns, at, ADDING, evidence(robot, records))
+    regressors = make_regressors(problem.columns, at, ADDING, [(evidence(robot, records), None)])
     assert {regressor.effect.name for regressor in regressors} >= {"viscous_friction", "presliding"}
     for regressor in regressors[:: max(len(regressors) // 40, 1)]:
         for k, coefficients in enumerate(np.eye(regressor.size)):
@@ -65,7 +65,7 @@ def test_an_effect_that_other_gears_feel_is_judged_place_by_place() -> None:
     leg = load_robot("planar_leg_fixed").lossless()
     problem = EstimationProblem.from_logs(leg, [waving(leg)])
     at = evaluate(leg, (), problem.records, problem.whitening)
-    shown = evidence(leg, problem.records)
+    shown = [(evidence(leg, problem.records), None)]
     # What it leaves alone where it does nothing says nothing of where it acts.
     problem.columns.of(at, [Change(_Leaking("hip", 0.0), 1.0)], held=True)
     found = make_regressors(problem.columns, at, [_Leaking], shown)

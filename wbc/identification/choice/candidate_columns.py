@@ -85,7 +85,7 @@ def make_regressors(
     columns: Columns,
     at: Evaluation,
     candidates: Sequence[type[Effect]],
-    known: Evidence,
+    shown: Sequence[tuple[Evidence, Collection[str] | None]],
     failures: Counter[str] | None = None,
     still: Collection[str] = (),
 ) -> list[Regressor]:
@@ -97,17 +97,24 @@ def make_regressors(
         columns: of the robot on its logs.
         at: the robot with effects, none of which is offered again.
         candidates: effect classes.
-        known: evidence for shapes that depend on the data.
+        shown: evidence for shapes that depend on the data, and the places where it counts, None
+            for all.
         failures: errors inside effects, which then offer nothing, are counted there.
         still: joints at which no cause acts, because they rest in all logs.
     """
     taken = {effect.key for effect in at.effects}
-    offers = [
-        offer
-        for effect in candidates
-        for offer in _offers(at.robot, effect, known, failures)
-        if offer[1] not in still and (effect.name, offer[1]) not in taken
-    ]
+    different: dict[tuple[object, ...], _Offer] = {}
+    for known, places in shown:
+        for effect in candidates:
+            for offer in _offers(at.robot, effect, known, failures):
+                _, where, screen = offer
+                if where in still:
+                    continue
+                if (places is None or where in places) and (effect.name, where) not in taken:
+                    units = (tuple(sorted(unit.items())) for unit in screen.units)
+                    key = (effect, where, *units)
+                    different.setdefault(key, offer)
+    offers = list(different.values())
     try:
         found = _columns(columns, at, offers)
     except Exception:  # an effect that fails takes no other with it

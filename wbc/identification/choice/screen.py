@@ -30,7 +30,7 @@ from wbc.identification.model.columns import drawn
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import RIDGE, Fit
 from wbc.identification.model.residual import evaluate
-from wbc.robot import Effect
+from wbc.robot import Effect, Evidence
 
 _AT_ONCE = 16  # causes whose columns are multiplied at once
 _BUILT = 40  # causes whose numbers are looked at, those that add most density first
@@ -112,6 +112,9 @@ class CauseScreen:
     ) -> CauseScreen:
         """Return the screen of all causes that could be added, or stand in the place of one.
 
+        Shapes that follow the data are those that show with all causes, and at the place of each
+        cause those that show without it.
+
         Args:
             problem: the logs.
             h: the hypothesis.
@@ -120,13 +123,17 @@ class CauseScreen:
             failures: errors inside effects are counted there.
         """
         at = evaluate(problem.robot, fit.effects, problem.records, problem.whitening)
-        known = evidence(fit.robot, problem.records)
-        made = make_regressors(problem.columns, at, offered, known, failures, problem.still)
+        shown: list[tuple[Evidence, list[str] | None]]
+        shown = [(evidence(fit.robot, problem.records), None)]
+        for gone in () if fit.swings else fit.effects:  # links that swing would be simulated
+            rest = problem.robot.with_effects(*(e for e in fit.effects if e is not gone))
+            shown.append((evidence(rest, problem.records), [gone.where]))
+        made = make_regressors(problem.columns, at, offered, shown, failures, problem.still)
         felt = (own for own in made if problem.whitening[own.columns.outputs].any())
         # A drawing is wrong once: as a whole, or in one of its links.
         places = {effect.where for effect in fit.effects if drawn(effect)}
-        used = [r for r in felt if not (r.drawn and places and _WHOLE in {*places, r.where})]
-        return cls(problem, h, fit, tuple(used))
+        known = [r for r in felt if not (r.drawn and places and _WHOLE in {*places, r.where})]
+        return cls(problem, h, fit, tuple(known))
 
     def beside(self, h: Hypothesis, fit: Fit) -> CauseScreen:
         """Return the screen of the same columns beside another fit."""
