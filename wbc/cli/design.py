@@ -97,7 +97,7 @@ def _print(
     """Print what varies and the goals of the front, as many rows as fit on a screen."""
     units = design.describe_columns(study)
     aims = ", ".join(f"{'most' if o.more else 'least'} {o.column}" for o in objectives)
-    varied = [p.column for p in study.varied if len(set(p.values)) > 1]
+    varied = _varied(study)
     names = dict.fromkeys([*varied, *(objective.column for objective in objectives)])
     told = {name: "" if units[name] == "1" else f"\n[{units[name]}]" for name in names}
     heads = [f">{name.replace('_', ' ')}{unit}" for name, unit in told.items()]
@@ -121,6 +121,11 @@ def _cell(study: design.Study, name: str, value: float) -> str:
     return study.gearboxes[round(value)].name if name == "gearbox" else f"{value:.4g}"
 
 
+def _varied(study: design.Study) -> list[str]:
+    """Return the columns that take more than one value."""
+    return [p.column for p in study.varied if len(set(p.values)) > 1]
+
+
 def _figures(
     study: design.Study, drawn: Columns, front: Columns, aimed: Sequence[str]
 ) -> dict[str, Callable[..., Any]]:
@@ -129,7 +134,7 @@ def _figures(
     from wbc.view.study_figures import MAPPED
 
     units = design.describe_columns(study)
-    across = [p.column for p in study.varied if len(set(p.values)) > 1] or ["design"]
+    across = _varied(study) or ["design"]
     steps = [parameter.column for parameter in study.parameters if parameter.logarithmic]
     columns = list(dict.fromkeys([*(name for name in MAPPED if name in drawn), *aimed]))
     name = load_robot(study.robot).name

@@ -16,7 +16,7 @@ from wbc.dynamics import inertial_parameters
 from wbc.files import as_json
 from wbc.identification.answer.shown import plain, with_interval
 from wbc.identification.choice.plain_models import JOINTS
-from wbc.identification.drive_times import without
+from wbc.identification.drive_times import left_by
 from wbc.identification.model.columns import derivatives, inertial_columns
 from wbc.identification.model.estimation_problem import TAIL, EstimationProblem
 from wbc.identification.model.residual import evaluate
@@ -165,12 +165,12 @@ def classic_fit(problem: EstimationProblem) -> ClassicFit:
     weights = _weights(target, values)
     a = (values * weights[:, None]).reshape(-1, values.shape[-1])
     b = -(target * weights).ravel()
-    left, solution = without(a, b)
+    left, solution = left_by(a, b)
     half = TAIL * np.sqrt(rows_per_sample(problem.records)) * _deviations(a, left)
 
     def predicted(used: np.ndarray) -> FloatArray:
         rows = np.repeat(used, target.shape[1])
-        return np.asarray(target[~used] + values[~used] @ without(a[rows], b[rows])[1])
+        return np.asarray(target[~used] + values[~used] @ left_by(a[rows], b[rows])[1])
 
     held = held_out_residual(problem, predicted)
     names, kept = output_names(problem.robot), problem.floor.judged
@@ -256,7 +256,7 @@ def _small(kind: type[Effect], robot: Robot, where: str) -> Effect:
 def _weights(target: FloatArray, values: FloatArray) -> FloatArray:
     """Return (outputs,) one over what a first fit leaves, in floors and never below one."""
     a = values.reshape(-1, values.shape[-1])
-    left, _ = without(a, target.ravel())
+    left, _ = left_by(a, target.ravel())
     return np.asarray(1.0 / np.maximum(rms(left.reshape(target.shape)), 1.0))
 
 

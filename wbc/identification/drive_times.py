@@ -367,15 +367,15 @@ def _normal_equations(
     shared = 1 + _TIMES + links.shape[2]
     for k in np.flatnonzero(followed).tolist():
         every = [residual[:, k], column[:, k, :_TIMES], links[:, k], column[:, k, _TIMES:_DRY]]
-        free, _ = without(column[:, k, _DRY:], np.column_stack(every))
-        rest, _ = without(free[:, 1:], free[:, :1])
+        free, _ = left_by(column[:, k, _DRY:], np.column_stack(every))
+        rest, _ = left_by(free[:, 1:], free[:, :1])
         alike = float(correlated_rows(by_log(records, rest), 0.0)[0])
         variance = np.mean(rest**2) + MISSED**2 * np.mean(free[:, 0] ** 2) + 1e-300
         scale = np.sqrt(variance * max(alike, rows_per_sample(records)))
         level += 0.5 * len(rest) * variance / scale**2 * np.log(variance)
         for numbers in _OWN:
             places = [1 + n if n < _TIMES else n - _DRY for n in numbers]
-            own, taken = without(free[:, places], free[:, :shared])
+            own, taken = left_by(free[:, places], free[:, :shared])
             own[:, 0] -= rest[:, 0]  # at right angles to all else
             sums.append(own.T @ own / scale**2)
             rubs = _VISCOUS in numbers
@@ -410,7 +410,7 @@ def _columns(record: Record) -> FloatArray:
     return record.condense(wide)
 
 
-def without(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+def left_by(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return values (rows, ...) without what columns (rows, n) explain, and how (n, ...)."""
     size = np.sqrt(np.sum(columns**2, axis=0))
     size = np.where(size > 0.0, size, 1.0)

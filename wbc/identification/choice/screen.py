@@ -13,7 +13,7 @@ tell it of all causes at once.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain, combinations
@@ -176,13 +176,8 @@ class CauseScreen:
             sets: of causes that are looked at together.
             count: how many are returned at most, those that add most density.
         """
-        found: list[tuple[float, Numbers, FloatArray]] = []
-        for alike, products in self._by_size(sets):
-            density, numbers = self._density(products, ())
-            found += zip(density.tolist(), alike, numbers, strict=True)
-        found.sort(key=lambda one: -one[0])
         best: dict[frozenset[Key], Proposed] = {}
-        for gain, several, numbers in found:
+        for gain, several, numbers in self._ordered(self._by_size(sets), ()):
             keys = frozenset(self.regressors[k].key for k in several)
             if keys not in best and (made := self._proposed(several, gain, numbers, ())):
                 best[keys] = made
@@ -217,13 +212,24 @@ class CauseScreen:
         self, own: Sequence[Effect], taken: Sequence[Key]
     ) -> Iterator[tuple[int, float, FloatArray]]:
         """Yield number, density and numbers of each cause, that which adds most density first."""
-        found: list[tuple[float, Numbers, FloatArray]] = []
-        for alike, products in self._alone:
-            density, each = self._density(products, own)
-            found += zip(density.tolist(), alike, each, strict=True)
-        for gain, (k,), numbers in sorted(found, key=lambda one: -one[0]):
+        for density, (k,), numbers in self._ordered(self._alone, own) if own else self._beside_all:
             if self.regressors[k].key not in taken:
-                yield k, gain, numbers
+                yield k, density, numbers
+
+    @cached_property
+    def _beside_all(self) -> list[tuple[float, Numbers, FloatArray]]:
+        """Density and numbers of each cause where none gives way: one move asks three times."""
+        return self._ordered(self._alone, ())
+
+    def _ordered(
+        self, each: Iterable[tuple[list[Numbers], _Products]], own: Sequence[Effect]
+    ) -> list[tuple[float, Numbers, FloatArray]]:
+        """Return density, causes and their numbers of each set, what adds most density first."""
+        found: list[tuple[float, Numbers, FloatArray]] = []
+        for alike, products in each:
+            density, numbers = self._density(products, own)
+            found += zip(density.tolist(), alike, numbers, strict=True)
+        return sorted(found, key=lambda one: -one[0])
 
     def _proposed(
         self, several: Numbers, density: float, numbers: FloatArray, own: Sequence[Effect]
@@ -275,15 +281,16 @@ class CauseScreen:
 
     def _by_size(self, sets: Sequence[Numbers]) -> Iterator[tuple[list[Numbers], _Products]]:
         """Yield sets of causes with as many columns, and the products of these."""
+        if not sets:
+            return
         every = sorted({k for several in sets for k in several})
         ends = np.cumsum([0, *(self.regressors[k].size for k in every)]).tolist()
         own = {k: [*range(*ends[n : n + 2])] for n, k in enumerate(every)}
         places = {several: [row for k in several for row in own[k]] for several in sets}
-        whole = self._products([self.regressors[k] for k in every]) if sets else None
+        whole = self._products([self.regressors[k] for k in every])
         for size in sorted({len(rows) for rows in places.values()}):
             alike = [several for several in sets if len(places[several]) == size]
-            if whole is not None:
-                yield alike, whole.some(np.array([places[several] for several in alike]))
+            yield alike, whole.some(np.array([places[several] for several in alike]))
 
     def _products(self, several: Sequence[Regressor]) -> _Products:
         """Return the products of the columns of several causes."""
