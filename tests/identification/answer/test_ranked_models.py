@@ -3,8 +3,6 @@
 import re
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +20,6 @@ from wbc.effects import (
 )
 from wbc.errors import IdentificationError
 from wbc.identification import Ranked, compare, diagnose, rank_robots
-from wbc.identification.answer import model_to_use
 from wbc.identification.answer.findings import describe_findings
 from wbc.identification.answer.model_to_use import judged
 from wbc.identification.choice.trials import Trials
@@ -132,35 +129,29 @@ def test_no_joint_of_a_leg_is_left_with_more_than_by_the_classic_fit(tmp_path: P
 KEY = ("viscous_friction", "knee")
 
 
-def test_a_doubtful_cause_does_not_change_the_number_of_a_certain_one(logs: list[Log]) -> None:
-    """It was printed, certain, with the part of the torque that the doubtful cause left it."""
+def test_an_interval_holds_the_number_without_doubtful_causes(logs: list[Log]) -> None:
+    """It was printed, certain, with the part of the torque that a doubtful cause left it."""
     robot = load_robot("planar_leg_fixed").lossless()
-    diagnosis = diagnose(robot, logs, [ViscousFriction])
     trials = Trials(EstimationProblem.from_logs(robot, logs))
-    alone = trials.of([ViscousFriction("knee", 0.5)])
     # The two are the same torque where both directions drag alike: the fit keeps how they share it.
     both = trials.of([ViscousFriction("knee", 0.1), DirectionalViscousFriction("knee", 0.4, 0.4)])
-    assert alone is not None
     assert both is not None
-    names, used = judged(trials, alone, set()), judged(trials, both, set())
-    doubt = replace(used.support[both.keys[1]], odds=0.1, group=0.1)
-    answer = replace(used, named=alone, support={both.keys[1]: doubt, **names.support})
-    found = {f.effect.key: f for f in describe_findings(trials, answer)}
-    assert list(found) == list(both.keys)
-    number = found[KEY].parameters["coefficient"]
-    assert number.value == pytest.approx(0.5, rel=0.01)
-    assert number.low < 0.5 < number.high
-    assert number.used == both.effects[0].values["coefficient"] < number.low
-    told = replace(diagnosis, findings=tuple(found.values()), robot=trials.fit(both).robot)
-    assert "in the model to use" in str(told)
-    low, high = told.intervals()[*KEY, "coefficient"]
-    assert low == number.used
-    assert high == number.high
-    assert told.to_json()["effects"][0]["parameters"]["coefficient"]["used"] == number.used
-    # What the model lacks is named all the same, and where it has the number nothing is said.
-    lacking = describe_findings(trials, replace(used, hypothesis=trials.nothing, named=alone))
+    answer = judged(trials, both)
+    viscous, directional = (replace(s, odds=1.0, group=1.0) for s in answer.support.values())
+    for doubted in (False, True):
+        odds = 0.1 if doubted else 1.0
+        support = dict(
+            zip(both.keys, (viscous, replace(directional, odds=odds, group=odds)), strict=True)
+        )
+        number = describe_findings(trials, replace(answer, support=support))[0].parameters[
+            "coefficient"
+        ]
+        assert number.value == both.effects[0].values["coefficient"]
+        assert number.low < number.value
+        assert (number.low < 0.5 < number.high) is doubted
+    # What the model lacks is named all the same.
+    lacking = describe_findings(trials, replace(answer, hypothesis=trials.nothing))
     assert "predicts better without it" in lacking[0].warnings[0]
-    assert describe_findings(trials, names)[0].parameters["coefficient"].used is None
 
 
 def test_a_robot_without_its_effects_is_the_one_before_them() -> None:
@@ -172,22 +163,3 @@ def test_a_robot_without_its_effects_is_the_one_before_them() -> None:
     # What is changed in code after effects were added has no robot before them to go back to.
     moon = robot.with_gravity((0.0, 0.0, -1.62))
     assert moon.without_effects().model.gravity.linear[2] == -1.62
-
-
-def test_of_doubted_causes_that_goes_which_is_missed_least(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The losses of a calf went, friction and a current limit stayed: 19 nats less probable."""
-    missed = {"losses": (25.0, 6.0), "limit": (4.0, 10.0), "friction": (12.0, 10.0)}
-    effects = [SimpleNamespace(key=(name, "calf")) for name in ("spring", *missed)]
-    doubted = [
-        ("friction", "calf"),
-        ("losses", "calf"),
-        ("limit", "calf"),
-    ]  # the least believed first
-
-    def told(_: Any, __: Any, ___: Any, drops: list[tuple[Any, ...]]) -> list[tuple[float, float]]:
-        return [missed[own.key[0]] for (own,) in drops]
-
-    monkeypatch.setattr(model_to_use, "losses", told)
-    answer: Any = SimpleNamespace(hypothesis=SimpleNamespace(effects=effects), doubted=doubted)
-    trials: Any = SimpleNamespace(problem=None, fit=lambda h: None)
-    assert model_to_use._least_missed(trials, answer) == ("limit", "calf")

@@ -10,7 +10,7 @@ from wbc.effects import (
     ViscousFriction,
     load_robot,
 )
-from wbc.identification.choice.certainty import Support, odds_of, support_of
+from wbc.identification.choice.certainty import Odds, Support, support_of
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log
@@ -26,7 +26,8 @@ def support(cause: Effect, logs: list[Log]) -> Support:
     h = trials.of((cause,))
     assert h is not None
     excess = np.maximum(h.outputs - 1.0, 0.0)
-    return support_of(trials, h, odds_of(trials, [h], h), excess, explained=False)[cause.key]
+    support, _ = support_of(trials, h, Odds((h,), (0.0,), (1.0,)), excess)
+    return support[cause.key]
 
 
 def recorded(*hidden: Effect) -> list[Log]:

@@ -34,8 +34,9 @@ from wbc.effects.friction import RotorCoulombFriction
 from wbc.effects.links import add_point_mass
 from wbc.errors import DynamicsError
 from wbc.identification import diagnose
+from wbc.identification.answer.model_to_use import judged
 from wbc.identification.choice import gears, search
-from wbc.identification.choice.certainty import BELIEVED, _supports, beliefs
+from wbc.identification.choice.certainty import EVEN, Odds, odds_of, support_of
 from wbc.identification.choice.evidence import density_gained, implausible
 from wbc.identification.choice.gears import two_gears
 from wbc.identification.choice.plain_models import plain_fits
@@ -104,7 +105,7 @@ def test_a_limit_that_leaves_most_is_not_believed() -> None:
     trials = Trials(EstimationProblem.from_logs(LEG, record_with(LEG, [cubic])))
     limit = trials.of((CurrentLimit("hip", 15.0),))
     assert limit is not None
-    assert beliefs(trials, limit)["current_limit", "hip"] < BELIEVED
+    assert judged(trials, limit).support["current_limit", "hip"].belief < EVEN
     assert () in [h.effects for h in _drops(Proposer(trials, AT_ONCE), limit)]
 
 
@@ -158,8 +159,30 @@ def test_tiny_causes_are_not_what_explains_the_logs() -> None:
     for causes, explained in ((hidden, [True, False, False]), (hidden[:2], [True, True])):
         found = trials.of(causes)
         assert found is not None
-        each = _supports(trials, found, np.zeros(2), explained=True)
-        assert [support.explained for support in each] == explained
+        support = support_of(trials, found, odds_of(trials, found), np.zeros(2))[0]
+        assert [own.explained for own in support.values()] == explained
+
+
+def test_what_a_doubted_cause_explains_counts_as_left() -> None:
+    """Else what stands in for something unknown makes the names beside it certain."""
+    friction, drag = CoulombFriction("hip", 0.5), ViscousFriction("hip", 0.5)
+    trials = Trials(
+        EstimationProblem.from_logs(LEG, record_with(LEG, [friction, drag], duration=4.0))
+    )
+    both, alone = trials.of((friction, drag)), trials.of((friction,))
+    assert both is not None
+    assert alone is not None
+    left, missing = [], []
+    for share in (0.9, 0.1):
+        odds = Odds((both, alone), (0.0, 0.0), (share, 1.0 - share))
+        support, more = support_of(trials, both, odds, np.zeros(2))
+        left.append(support[friction.key].remainder)
+        missing.append(more)
+    assert missing == [False, True]
+    assert left[0] < 0.02
+    # As much as is left where the other is not even fitted, over what the first explains then.
+    without = support_of(trials, alone, odds, np.maximum(alone.outputs - 1.0, 0.0))[0]
+    assert left[1] == pytest.approx(without[friction.key].remainder, rel=0.05)
 
 
 @pytest.mark.parametrize(("nats", "moved"), [(2.0, False), (4.0, True)])

@@ -29,8 +29,6 @@ class Estimate:
     """A number that was found: value with the ends of its 90 % interval, in `unit`.
 
     `given` is what the robot as given has in its place, None where it has nothing of the kind.
-    `used` is what the model to use has in its place where that lies outside the interval: there a
-    doubtful cause does a part of the work.
     """
 
     value: float
@@ -38,7 +36,6 @@ class Estimate:
     low: float
     high: float
     given: float | None = None
-    used: float | None = None
 
     @property
     def cells(self) -> tuple[str, str, str]:
@@ -64,7 +61,7 @@ class Finding:
     """One effect that the logs show.
 
     Attributes:
-        effect: the effect with its parameters, of the hypothesis in which it is believed.
+        effect: the effect with its parameters.
         parameters: estimates by parameter name.
         support: what speaks for it.
         alternatives: the effects it cannot be told from on these logs.
@@ -302,20 +299,16 @@ class Diagnosis(Shown):
 
     @property
     def effects(self) -> tuple[Effect, ...]:
-        """The effects found; `robot` has those of the model to use, with the numbers it uses."""
+        """The effects found, those of `robot`."""
         return tuple(finding.effect for finding in self.findings)
 
     def intervals(self) -> dict[tuple[str, str, str], tuple[float, float]]:
-        """Return (effect, where, parameter) -> (low, high), as `save_robot` takes them.
-
-        They hold what the model to use has, too.
-        """
-        ends = {}
-        for f in self.findings:
-            for name, e in f.parameters.items():
-                span = (e.low, e.high, e.low if e.used is None else e.used)
-                ends[f.effect.name, f.effect.where, name] = (min(span), max(span))
-        return ends
+        """Return (effect, where, parameter) -> (low, high), as `save_robot` takes them."""
+        return {
+            (f.effect.name, f.effect.where, name): (e.low, e.high)
+            for f in self.findings
+            for name, e in f.parameters.items()
+        }
 
     def to_json(self, command: str = "") -> dict[str, Any]:
         """Return plain numbers, texts, lists and dictionaries with the keys of the log format.
@@ -345,8 +338,7 @@ def _finding_cells(finding: Finding) -> list[tuple[str, ...]]:
     for number, e in numbers.items():
         first, last = (name, certainty) if alone else (f"  {number}", "")
         cells.append((first, *e.cells, last))
-        beside = {"as given": e.given, "in the model to use": e.used}
-        cells += [(indent + k, plain(v)) for k, v in beside.items() if v is not None]
+        cells += [] if e.given is None else [(f"{indent}as given", plain(e.given))]
     if finding.alternatives:
         one = shown.sure(finding.support.group_probability)
         cells.append(("  or " + ", or ".join(finding.rivals), "", "", "", f"{one} of one"))

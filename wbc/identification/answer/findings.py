@@ -15,7 +15,9 @@ from wbc.identification.answer.diagnosis import Alternative, Estimate, Finding
 from wbc.identification.answer.model_to_use import Answer
 from wbc.identification.answer.ranking import Correlation, correlation_of
 from wbc.identification.answer.shown import with_unit
-from wbc.identification.choice.evidence import Key
+from wbc.identification.choice.certainty import EVEN
+from wbc.identification.choice.drop_screen import Normal, until_null
+from wbc.identification.choice.evidence import Hypothesis
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import TAIL, EstimationProblem
 from wbc.identification.model.fit import Fit, beside_others, change_along, scaled, slope_of
@@ -31,8 +33,8 @@ _MOTOR_SIDE = (
     "{} of this joint rubs at the motor, before this gear: it follows the motor's speed and does "
     "not slow the link. A simulation would have it at the link"
 )
-_VARIES = "its size changes with {}: it may stand in for another law"
 _ABSENT = "the model to use predicts better without it"
+_VARIES = "its size changes with {}: it may stand in for another law"
 _TOLD = 0.5  # standard deviation with the logs over that without them, up to which they tell it
 _STRAY = 8.0  # standard deviations between the logs' own values
 _STRAY_SHARE = 0.05  # of the value itself, less is no disagreement worth a word
@@ -40,48 +42,38 @@ _ROUNDING = 1e-7  # of the largest column: rounding
 
 
 def describe_findings(trials: Trials, answer: Answer) -> tuple[Finding, ...]:
-    """Return the effects found with intervals, alternatives and warnings.
-
-    A name that is believed has the numbers of the hypothesis in which it is believed: in the model
-    to use, a doubtful cause may do a part of its work. What that model holds in place of a number
-    is said where it lies outside the interval. Doubtful causes have the numbers of that model.
+    """Return the causes of the model to use, and those named beside it, with all there is to say.
 
     Args:
         trials: of the search.
-        answer: the model to use, and what is believed.
+        answer: the model to use, judged.
     """
-    problem, used, believed = trials.problem, answer.hypothesis, _believed(trials, answer)
-    if used is answer.named:
-        return tuple(believed.values())
-    fit, values = trials.fit(used), {effect.key: effect.values for effect in used.effects}
-    estimates = estimates_of(problem, fit, problem.distortion(fit, hurried=trials.hurried))
-    pairs = zip(fit.effects, estimates, strict=True)
-    found = {e.key: Finding(e, own, answer.support[e.key]) for e, own in pairs}
-    for key, finding in believed.items():
-        found[key] = _beside_the_model(finding, values.get(key))
-    return tuple(found.values())
+    found = _findings_of(trials, answer.hypothesis, answer)
+    if answer.named is not answer.hypothesis:
+        used = answer.hypothesis.keys
+        named = _findings_of(trials, answer.named, answer)
+        absent = (f for f in named if f.effect.key not in used and f.support.belief >= EVEN)
+        found += [replace(f, warnings=(_ABSENT, *f.warnings)) for f in absent]
+    return tuple(found)
 
 
-def _beside_the_model(finding: Finding, values: Mapping[str, float] | None) -> Finding:
-    """Return a finding that says where the model to use has another number, or lacks the cause."""
-    if values is None:
-        return replace(finding, warnings=(_ABSENT, *finding.warnings))
-    estimates = {
-        name: e if e.low <= values[name] <= e.high else replace(e, used=values[name])
-        for name, e in finding.parameters.items()
-    }
-    return replace(finding, parameters=estimates)
+def _findings_of(trials: Trials, h: Hypothesis, answer: Answer) -> list[Finding]:
+    """Return the causes of a hypothesis with intervals, alternatives and warnings.
 
-
-def _believed(trials: Trials, answer: Answer) -> dict[Key, Finding]:
-    """Return what is believed, with all that must be said beside it, see `describe_findings`."""
-    problem, fit = trials.problem, trials.fit(answer.named)
+    The interval of a number holds what it would be without the doubtful causes, too: where one of
+    these does a part of its work, nobody knows which of the two is right.
+    """
+    problem, fit = trials.problem, trials.fit(h)
     related = _moving_together(fit, correlation_of(problem, fit))
     stray = disagreements(problem.records, fit)
-    findings = {}
+    findings = []
     distortion = problem.distortion(fit, hurried=trials.hurried)
-    for k, estimates in enumerate(estimates_of(problem, fit, distortion)):
-        effect = fit.effects[k]
+    each = estimates_of(problem, fit, distortion, _without_doubtful(problem, fit, answer))
+    for k, (effect, estimates) in enumerate(zip(fit.effects, each, strict=True)):
+        own = answer.support[effect.key]
+        if own.belief < EVEN:
+            findings.append(Finding(effect, estimates, own))
+            continue
         quantities, about = quantities_of(problem, fit, k, distortion)
         # Where quantities are told, nobody checks the parameters.
         warnings = [*(about or _vague(effect, estimates))]
@@ -92,15 +84,31 @@ def _believed(trials: Trials, answer: Answer) -> dict[Key, Finding]:
             warnings += [_MOTOR_SIDE.format(names)] if names else []
         warnings += [*related[k], *stray[k]]
         rivals = tuple(Alternative(*rival) for rival in answer.rivals[effect.key])
-        own = answer.support[effect.key]
         if own.varies > 0.0:
             warnings.append(_VARIES.format(own.follows))
-        findings[effect.key] = Finding(effect, estimates, own, rivals, tuple(warnings), quantities)
+        findings.append(Finding(effect, estimates, own, rivals, tuple(warnings), quantities))
     return findings
 
 
+def _without_doubtful(problem: EstimationProblem, fit: Fit, answer: Answer) -> FloatArray:
+    """Return (p,) the steps of a fit's numbers, in their scales, to where doubtful causes are gone.
+
+    To first order; nothing where links are simulated, whose derivatives say little.
+    """
+    doubtful = [e for e in fit.effects if answer.support[e.key].belief < EVEN]
+    if fit.swings or not doubtful:
+        return np.zeros(len(fit.parameters))
+    gone = until_null(fit, doubtful, problem.robot)
+    step = Normal.of(fit.known, fit.moment).step_with(*gone)
+    step[gone[0]] = 0.0
+    return step
+
+
 def estimates_of(
-    problem: EstimationProblem, fit: Fit, distortion: FloatArray | None = None
+    problem: EstimationProblem,
+    fit: Fit,
+    distortion: FloatArray | None = None,
+    also: FloatArray | float = 0.0,
 ) -> list[dict[str, Estimate]]:
     """Return the parameters of every effect of a fit with their intervals, by name.
 
@@ -108,10 +116,11 @@ def estimates_of(
         problem: the logs.
         fit: to them.
         distortion: (p,) see `EstimationProblem.distortion`; computed where it is not given.
+        also: (p,) steps to other values that the intervals hold, in the parameters' scales.
     """
     found: list[dict[str, Estimate]] = [{} for _ in fit.effects]
     moved = problem.distortion(fit) if distortion is None else distortion
-    bounds = problem.interval_bounds(fit, moved)
+    bounds = problem.interval_bounds(fit, moved, also)
     for (k, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
         effect = fit.effects[k]
         given = effect.null_of(problem.robot, parameter)

@@ -15,8 +15,7 @@ from scipy.stats import sem
 
 from wbc.arrays import FloatArray
 from wbc.identification.answer.remainder import Attainable, attainable
-from wbc.identification.choice import certainty
-from wbc.identification.choice.certainty import Odds, Support, not_believed, odds_of
+from wbc.identification.choice.certainty import EVEN, Odds, Support, odds_of, support_of
 from wbc.identification.choice.drop_screen import losses
 from wbc.identification.choice.evidence import Hypothesis, Key, without
 from wbc.identification.choice.find_causes import SearchResult
@@ -34,7 +33,7 @@ wrong link of an arm, found alone, stood behind all links together by 0.2 % at o
 
 @dataclass(frozen=True)
 class Answer:
-    """A hypothesis, judged.
+    """A model, judged.
 
     Attributes:
         hypothesis: the causes with their fit.
@@ -43,7 +42,7 @@ class Answer:
         support: what speaks for each cause, and for each that is named.
         rivals: what could stand in the place of each.
         more: whether more must be missing.
-        named: the hypothesis in which its names are believed: their numbers are read there.
+        named: the hypothesis whose causes are named, that with the most evidence.
     """
 
     hypothesis: Hypothesis
@@ -54,119 +53,57 @@ class Answer:
     more: bool
     named: Hypothesis
 
-    @property
-    def doubted(self) -> list[Key]:
-        """The causes that are not believed, the least believed first."""
-        return not_believed({key: s.belief for key, s in self.support.items()})
 
-
-def believed(found: SearchResult) -> Answer:
-    """Return the hypothesis with those causes only that are more probable than not.
-
-    It is that with the most evidence where all of it is believed, else the end of the search where
-    all of that is: on a recorded double pendulum the first held a wrong drawing (0.46), and the
-    search had taken it back. Else one cause goes after the other, and the rest is judged again:
-    two that share what they explain may both be doubted while one of them alone is not.
-    """
-    trials, end = found.trials, found.final
-    doubted: set[Key] = set()
-    # What the derivatives doubt goes first: a fit without each cause takes longer.
-    while doubtful := not_believed(certainty.beliefs(trials, end)):
-        doubted.add(doubtful[0])
-        end = best_without(trials, end, doubted)
-    best = best_without(trials, end, doubted)
-    answer = judged(trials, best, doubted)
-    if answer.doubted and best is not end:
-        other = judged(trials, end, doubted)
-        answer = answer if other.doubted else other
-    while answer.doubted:
-        doubted.add(_least_missed(trials, answer))
-        answer = judged(trials, best_without(trials, answer.hypothesis, doubted), doubted)
-    # Where something was found and nothing of it is believed, something else is there, unless the
-    # logs hardly speak against the robot as given.
-    missing = not answer.hypothesis.effects and 1.0 - odds_of(trials).nothing >= certainty.BELIEVED
-    return replace(answer, more=answer.more or missing)
-
-
-def _least_missed(trials: Trials, answer: Answer) -> Key:
-    """Return that of the doubted causes of an answer which derivatives say is missed least.
-
-    Losses of a gear, friction and a current limit that made up for each other were all doubted
-    together, and the losses alone explained the calf of a generated leg.
-    """
-    h = answer.hypothesis
-    own = [(effect,) for key in answer.doubted for effect in h.effects if effect.key == key]
-    missed = [loss - gain for loss, gain in losses(trials.problem, trials.fit(h), h, own)]
-    return own[int(np.argmin(missed))][0].key
-
-
-def judged(trials: Trials, h: Hypothesis, doubted: set[Key]) -> Answer:
+def judged(trials: Trials, h: Hypothesis) -> Answer:
     """Return a hypothesis with what speaks for its causes.
 
     Args:
         trials: of the search.
         h: the hypothesis.
-        doubted: causes that are not believed: what holds them is no evidence.
     """
-    # What rests on a cause that is not believed is no evidence for others.
-    odds = odds_of(trials, [k for k in trials.known if doubted.isdisjoint(k.keys)], h)
+    odds = odds_of(trials, h)
     level = attainable(trials.problem, trials.fit(h))
-    more = certainty.unexplained(trials.nothing.error, h, level.excess)
-    support = certainty.support_of(trials, h, odds, level.excess, not more)
+    support, more = support_of(trials, h, odds, level.excess)
     rivals = dict(zip(h.keys, odds.rivals(h), strict=True))
     return Answer(h, odds, level, support, rivals, more, h)
-
-
-def best_without(trials: Trials, final: Hypothesis, doubted: set[Key]) -> Hypothesis:
-    """Return the hypothesis with the most evidence of those that hold no doubted cause.
-
-    What is not believed may have taken the place of something else, and others may rest on it: on
-    a recorded double pendulum a torque ripple stood where a rotor inertia belongs, and on a
-    recorded arm five rotor inertias made up for drawings that were not believed.
-    """
-    rest = [h for h in trials.known if h.believable and doubted.isdisjoint(h.keys)]
-    fewer = trials.of([e for e in final.effects if e.key not in doubted], final)
-    if fewer is not None and all(fewer is not h for h in rest):
-        rest.append(fewer)
-    return trials.best_of(rest)
 
 
 def model_to_use(found: SearchResult, classes: Sequence[type[Effect]]) -> Answer:
     """Return the model that predicts held-out data best, with the odds of each of its causes.
 
-    The causes that are believed, if nothing else leaves less: joint by joint, beyond a standard
-    error. Else the end of the search with what is not believed; else what was found beside the
-    plain fits, or one of these alone. A cause that is not believed stays in a model that predicts
-    better with it: its torque is real, only its name is not.
+    It is the hypothesis with the most evidence, if nothing else leaves less: joint by joint, beyond
+    a standard error. Else it is what was found beside the plain fits, or one of these alone. A
+    cause that is not believed stays in a model that predicts better with it: its torque is real,
+    only its name is not.
 
     Args:
         found: the search.
         classes: effects that may be used.
     """
-    trials, names = found.trials, believed(found)
-    if not classes:
-        return names
-    used = _best(trials, (names.hypothesis, found.final), classes)
-    if used is names.hypothesis:
-        return names
-    return _doubting(trials, judged(trials, used, set()), names)
+    trials = found.trials
+    # No move has held against others yet what a search tried that was stopped.
+    others = () if found.stopped else (h for h in trials.known if h.believable)
+    most = trials.best_of([*others, found.final])
+    names = judged(trials, most)
+    used = _best(trials, names, classes) if classes else most
+    return names if used is most else _doubting(trials, judged(trials, used), names)
 
 
-def _best(
-    trials: Trials, found: Sequence[Hypothesis], classes: Sequence[type[Effect]]
-) -> Hypothesis:
+def _best(trials: Trials, names: Answer, classes: Sequence[type[Effect]]) -> Hypothesis:
     """Return the first model that no other is better than; else the one least behind.
 
-    What was found comes first, in the order of belief. It must match the robot as given and the
-    plain fits. What drives report beyond a limit is no error where the limit is believed. Last come
-    the plain fits beside what was found, where that is behind them. Links that swing are simulated:
-    beside them no plain fit is tried.
+    What was found comes first. It must match the robot as given and the plain fits. What drives
+    report beyond a limit is no error where the limit is believed. Last come the plain fits beside
+    what was found, where that is behind them. Links that swing are simulated: beside them no plain
+    fit is tried.
     """
-    problem, first, last = trials.problem, found[0], found[-1]
-    if first.only_noise(problem):
-        return first
+    problem, end = trials.problem, names.hypothesis
+    if end.only_noise(problem):
+        return end
     plain = plain_fits(trials, classes)
-    rivals = [*found, trials.nothing, *plain]
+    rivals = [end, trials.nothing, *plain]
+    drives = [names.support[e.key] for e in end.effects if "drive" in e.acts_by]
+    own = end.squares if all(one.belief >= EVEN for one in drives) else end.reported
 
     def most_behind(one: Hypothesis) -> float:
         return float(behind(one).max())
@@ -176,14 +113,14 @@ def _best(
         return np.asarray(np.max([_behind(problem, squares_of(one), e) for e in each], axis=0))
 
     def squares_of(h: Hypothesis) -> FloatArray:
-        return h.squares if h is first else h.reported
+        return own if h is end else h.reported
 
-    ends = squares_of(last)
-    ahead = [own for own in plain if _behind(problem, ends, own.reported).max() > _AS_GOOD]
-    joined = () if last.swings else (_joined(problem, last, own) for own in ahead)
-    longer = (effects for effects in joined if len(effects) > len(last.effects))
-    beside = (without_idle(trials, both) for own in longer if (both := trials.of(own)) is not None)
-    for one in chain(found, beside):
+    ahead = [fit for fit in plain if _behind(problem, own, fit.reported).max() > _AS_GOOD]
+    joined = () if end.swings else (_joined(problem, end, fit) for fit in ahead)
+    longer = (effects for effects in joined if len(effects) > len(end.effects))
+    fits = (trials.of(effects) for effects in longer)
+    beside = (without_idle(trials, both) for both in fits if both is not None)
+    for one in chain([end], beside):
         rivals.append(one)
         if most_behind(one) <= _AS_GOOD:
             return one
@@ -232,22 +169,22 @@ def _joined(problem: EstimationProblem, one: Hypothesis, other: Hypothesis) -> t
 
 
 def _doubting(trials: Trials, answer: Answer, names: Answer) -> Answer:
-    """Return an answer that believes in no more names than the search does.
+    """Return an answer that believes in no more names than the end of the search.
 
     What came in for its torque is at most as probable as not, and not more than it is beside all
     others: no hypothesis that lacks one of them was tried.
     """
-    h = answer.hypothesis
+    h, support = answer.hypothesis, {}
     each = [(np.inf, 0.0)] * len(h.effects)
     if not h.swings:
         each = losses(trials.problem, trials.fit(h), h, [(effect,) for effect in h.effects])
-    support = {}
     for key, (loss, gain) in zip(h.keys, each, strict=True):
         own = answer.support[key]
-        alone = certainty.EVEN * float(expit(loss - gain))
+        alone = EVEN * float(expit(loss - gain))
         support[key] = replace(own, odds=min(own.odds, alone), group=min(own.group, alone))
     rivals = dict.fromkeys(h.keys, ()) | names.rivals
-    return replace(answer, support=support | names.support, rivals=rivals, named=names.hypothesis)
+    support |= names.support
+    return replace(answer, support=support, rivals=rivals, more=names.more, named=names.named)
 
 
 def _behind(problem: EstimationProblem, mine: FloatArray, theirs: FloatArray) -> FloatArray:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import expit
 
 from wbc.arrays import FloatArray
 from wbc.identification.choice.constancy import stand_in_evidence
-from wbc.identification.choice.drop_screen import gains, until_null, without_each
+from wbc.identification.choice.drop_screen import HeldOut, until_null, without_each
 from wbc.identification.choice.evidence import Hypothesis, Key, weigh, without
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.fit import Fit
 from wbc.identification.records.record import bins_of, explained_by, output_gear
 from wbc.robot import Effect
 
@@ -38,8 +38,6 @@ _UNEXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, that counts as
 _UNEXPLAINED_SHARE_SIMULATED = 0.1
 UNEXPLAINED_SHARE = 0.05  # ... and as a share of the first excess
 
-BELIEVED = 2.0 / 3.0
-"""A cause in the answer is at least twice as probable as not."""
 EVEN = 0.5
 """Probability below which a cause stands for its torque only: it may be something else."""
 CERTAIN = 0.95
@@ -144,81 +142,119 @@ class Support:
 
 
 def support_of(
-    trials: Trials, final: Hypothesis, odds: Odds, excess: FloatArray, explained: bool
-) -> dict[Key, Support]:
-    """Return what speaks for each cause of a hypothesis.
+    trials: Trials, h: Hypothesis, odds: Odds, excess: FloatArray
+) -> tuple[dict[Key, Support], bool]:
+    """Return what speaks for each cause of a hypothesis, and whether more must be missing.
 
-    Args:
-        trials: of the search.
-        final: the hypothesis.
-        odds: of everything that was tried.
-        excess: (outputs,) mean squares above the floor that are left unexplained, in floors.
-        explained: whether that is too little to ask for one cause more.
-    """
-    each = _supports(trials, final, excess, explained)
-    told = stand_in_evidence(trials.problem, final, trials.fit(final), _adds(trials, final))
-    support = {}
-    rows = zip(final.keys, each, odds.rivals(final), told, strict=True)
-    for key, one, rivals, (varies, follows) in rows:
-        own, group = odds.of(key), odds.of(key, *rivals)
-        support[key] = replace(one, odds=own, group=group, varies=varies, follows=follows)
-    return support
-
-
-def _supports(trials: Trials, h: Hypothesis, excess: FloatArray, explained: bool) -> list[Support]:
-    """Return what speaks for each cause of a hypothesis as if no other had been tried.
-
-    What a cause explains is told by the derivatives of the fit, where these cannot by a fit.
+    What a doubted cause explains is real, but something else makes it: it counts as left, as far as
+    the other causes do not take it up. Then more of them may be doubted, the least believed first.
 
     Args:
         trials: of the search.
         h: the hypothesis.
-        excess: (outputs,) as of `support_of`.
-        explained: as of `support_of`.
+        odds: of everything that was tried.
+        excess: (outputs,) mean squares above the floor that are left unexplained, in floors.
     """
-    problem, fit = trials.problem, trials.fit(h)
-    alone = [(effect,) for effect in h.effects]
-    gained = [np.maximum(gain, 0.0) for gain in gains(problem, fit, alone)]
-    adds = _adds(trials, h)
+    before, first = trials.nothing.error, np.maximum(trials.nothing.outputs, 1e-300)
+    names, drops = np.array([effect.name for effect in h.effects]), _Drops.of(trials, h)
+    alone = _whatever_is_left(trials, h, odds)
+    doubted: frozenset[Key] = frozenset()
+    while True:
+        more = unexplained(before, h, excess + drops.without(doubted))
+        rest, whole = (
+            np.reshape([drops.without(own) for own in sets], (-1, first.size))
+            for sets in ([doubted - {k} for k in h.keys], [doubted | {k} for k in h.keys])
+        )
+        left, gained = excess + rest, np.maximum(whole - rest, 0.0)
+        tiny = np.array([not unexplained(before, h, own) for own in left + gained], dtype=bool)
+        several, sizes = np.unique(names[tiny]).size > 1, gained.sum(axis=1)
+        support = {}
+        for k, key in enumerate(h.keys):
+            larger = (names != names[k]) & (sizes > sizes[k]) & tiny[k] & several
+            beside = left[k] + _MADE_UP**2 * (larger @ gained)
+            support[key] = replace(
+                alone[k],
+                remainder=_remainder(gained[k] / first, beside / first),
+                explained=not more and not (tiny[k] and tiny.sum() > 1),
+            )
+        kept = [key for key in h.keys if key not in doubted]
+        least = min(kept, key=lambda key: support[key].belief, default=None)
+        if least is None or support[least].belief >= EVEN:
+            return support, more
+        doubted |= {least}
+
+
+def _whatever_is_left(trials: Trials, h: Hypothesis, odds: Odds) -> list[Support]:
+    """Return what speaks for each cause of a hypothesis, beside what it explains and what not."""
+    problem, fit, adds = trials.problem, trials.fit(h), _adds(trials, h)
+    told, rivals = stand_in_evidence(problem, h, fit, adds), odds.rivals(h)
+    places = [_place_of(problem, *own) for own in zip(h.effects, adds, strict=True)]
+    tolerated, names = _tolerated(problem, fit, h), [effect.name for effect in h.effects]
+    support = []
     for k, effect in enumerate(h.effects):
-        if effect.search.gradual:
-            continue
-        fewer = trials.of(without(h.effects, effect))
-        if fewer is not None:
-            gained[k] = np.maximum(fewer.outputs - h.outputs, 0.0)
-    each = zip(h.effects, adds, strict=True)
-    places = [_place_of(problem, effect, change) for effect, change in each]
-    first = np.maximum(trials.nothing.outputs, 1e-300)
-    noise = np.maximum(h.outputs, 1.0) / (len(fit.residual) * h.samples)
-    step = max(log.sample_time for log in problem.logs)
-    tolerated = [e.search.tolerated(e, problem.robot, step) for e in h.effects]
-    if np.isfinite(problem.robot.transmission.target_delay).any():
-        changes = (left - fit.residual for left in without_each(problem, fit, alone))
-        late = (problem.untimely(change, noise) for change in changes)
-        tolerated = [min(pair) for pair in zip(tolerated, late, strict=True)]
-    names = [effect.name for effect in h.effects]
-    tiny = [not unexplained(trials.nothing.error, h, excess + gain) for gain in gained]
-    several = len({name for name, is_tiny in zip(names, tiny, strict=True) if is_tiny}) > 1
-    result = []
-    for k, (effect, gain) in enumerate(zip(h.effects, gained, strict=True)):
-        alike, small, left = names.count(effect.name), several and tiny[k], excess
-        if small:
-            pairs = zip(names, gained, strict=True)
-            others = [g for name, g in pairs if name != effect.name and g.sum() > gain.sum()]
-            left = left + _MADE_UP**2 * np.sum([np.zeros_like(first), *others], axis=0)
-        support = Support(
-            odds=1.0,
-            group=1.0,
-            remainder=_remainder(gain / first, left / first),
+        alike = names.count(effect.name)
+        own = Support(
+            odds=odds.of(effect.key),
+            group=odds.of(effect.key, *rivals[k]),
+            remainder=np.inf,
             coverage=(alike - 1) * alike / len(problem.judged_joints),
-            explained=explained and not (tiny[k] and sum(tiny) > 1),
+            explained=False,
             expected=effect.search.expected,
             implausible=h.implausible[k],
             tolerated=tolerated[k],
             together=places.count(places[k]) if places[k] else 0,
+            varies=told[k][0],
+            follows=told[k][1],
         )
-        result.append(support)
-    return result
+        support.append(own)
+    return support
+
+
+@dataclass(frozen=True, eq=False)
+class _Drops:
+    """What a hypothesis leaves more of held-out data without some of its causes.
+
+    By derivatives; of a cause that they do not follow a fit without it tells what it explains.
+    """
+
+    effects: tuple[Effect, ...]
+    held_out: HeldOut
+    fitted: dict[Key, FloatArray]
+    _known: dict[frozenset[Key], FloatArray] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, trials: Trials, h: Hypothesis) -> _Drops:
+        """Return what is needed for all drops."""
+        sudden = [effect for effect in h.effects if not effect.search.gradual]
+        fewer = {effect.key: trials.of(without(h.effects, effect)) for effect in sudden}
+        fitted = {
+            key: np.maximum(found.outputs - h.outputs, 0.0)
+            for key, found in fewer.items()
+            if found is not None
+        }
+        return cls(h.effects, HeldOut.of(trials.problem, trials.fit(h)), fitted)
+
+    def without(self, keys: frozenset[Key]) -> FloatArray:
+        """Return (outputs,) mean squares in floors."""
+        by_fits = sum(self.fitted[key] for key in keys.intersection(self.fitted))
+        gone = keys.difference(self.fitted)
+        for own in (gone, frozenset[Key]()):
+            if own not in self._known:
+                dropped = [effect for effect in self.effects if effect.key in own]
+                self._known[own] = self.held_out.without(dropped)
+        return np.maximum(self._known[gone] - self._known[frozenset()], 0.0) + by_fits
+
+
+def _tolerated(problem: EstimationProblem, fit: Fit, h: Hypothesis) -> list[float]:
+    """Return the squares of deviations at which what every machine is off by makes each cause."""
+    step = max(log.sample_time for log in problem.logs)
+    tolerated = [e.search.tolerated(e, problem.robot, step) for e in h.effects]
+    if np.isfinite(problem.robot.transmission.target_delay).any():
+        noise = np.maximum(h.outputs, 1.0) / (len(fit.residual) * h.samples)
+        lefts = without_each(problem, fit, [(effect,) for effect in h.effects])
+        late = (problem.untimely(left - fit.residual, noise) for left in lefts)
+        tolerated = [min(pair) for pair in zip(tolerated, late, strict=True)]
+    return tolerated
 
 
 def _adds(trials: Trials, h: Hypothesis) -> list[FloatArray]:
@@ -269,34 +305,6 @@ def unexplained(before: float, final: Hypothesis, excess: FloatArray) -> bool:
     return bool(left > max(_UNEXPLAINED_FLOOR, share * first))
 
 
-def beliefs(trials: Trials, h: Hypothesis) -> dict[Key, float]:
-    """Return how far each cause of a hypothesis would be believed if the search ended with it.
-
-    Of what is left, the share counts that does not forget itself as fast as noise. Nothing is said
-    where too little is left to doubt a cause, or where links were simulated, whose derivatives say
-    little.
-
-    Args:
-        trials: of the search.
-        h: a hypothesis.
-    """
-    problem = trials.problem
-    if h.swings or not h.effects:
-        return {}
-    white = np.minimum(h.samples / problem.white_samples, 1.0)
-    excess = (1.0 - white) * np.maximum(h.outputs - 1.0, 0.0)
-    if not unexplained(trials.nothing.error, h, excess):
-        return {}
-    each = _supports(trials, h, excess, explained=False)
-    return {key: one.belief for key, one in zip(h.keys, each, strict=True)}
-
-
-def not_believed(chances: Mapping[Key, float]) -> list[Key]:
-    """Return the causes that are not twice as probable as not, the least believed first."""
-    doubted = [key for key, chance in chances.items() if chance < BELIEVED]
-    return sorted(doubted, key=chances.__getitem__)
-
-
 def _remainder(share: FloatArray, left: FloatArray) -> float:
     """Return what is left over what a cause explains (rms), both (outputs,) in the same unit.
 
@@ -321,12 +329,6 @@ class Odds:
     hypotheses: tuple[Hypothesis, ...]
     evidence: tuple[float, ...]
     shares: tuple[float, ...]
-
-    @property
-    def nothing(self) -> float:
-        """How probable it is that no cause is missing, among what was tried."""
-        pairs = zip(self.hypotheses, self.shares, strict=True)
-        return sum(share for h, share in pairs if not h.effects)
 
     def of(self, *keys: Key) -> float:
         """Return how probable it is that one of some causes is there."""
@@ -358,21 +360,15 @@ class Odds:
         return next(nats for h, nats in pairs if frozenset(h.keys) == keys)
 
 
-def odds_of(
-    trials: Trials,
-    known: Sequence[Hypothesis] | None = None,
-    final: Hypothesis | None = None,
-) -> Odds:
+def odds_of(trials: Trials, final: Hypothesis) -> Odds:
     """Return the odds of everything believable that was tried on one problem.
 
     Args:
         trials: on the problem.
-        known: what is compared, by default all that was tried.
-        final: one that is compared even if it is not believable: what is left of an answer once
-            its doubtful causes are gone.
+        final: a hypothesis that is compared even if it is not believable.
     """
-    tried = [h for h in (trials.known if known is None else known) if h.believable]
-    if final is not None and frozenset(final.keys) not in {frozenset(h.keys) for h in tried}:
+    tried = [h for h in trials.known if h.believable]
+    if frozenset(final.keys) not in {frozenset(h.keys) for h in tried}:
         tried.append(final)
     scores = weigh(trials.problem, tried)
     best: dict[frozenset[Key], tuple[float, Hypothesis]] = {}

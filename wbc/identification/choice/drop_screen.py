@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -40,19 +41,23 @@ class Normal(NamedTuple):
         covariance = np.linalg.inv(known)
         return cls(np.asarray(covariance), -(covariance @ moment), size)
 
-    def with_steps(self, given: Sequence[int], steps: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the step (p,) to the minimum with given steps, and the covariance of the others.
+    def step_with(self, given: Sequence[int], steps: FloatArray) -> FloatArray:
+        """Return the step (p,) to the minimum with given steps.
 
         With C the covariance, n the step to the minimum and s the steps of the numbers g that are
-        given, these are  n + C_:g C_gg^-1 (s - n_g)  and  C - C_:g C_gg^-1 C_g:.
+        given, it is  n + C_:g C_gg^-1 (s - n_g).
         """
+        rows = list(given)
+        lacking = steps * self.size[rows] - self.lowest[rows]
+        pulled = np.linalg.solve(self.covariance[np.ix_(rows, rows)], lacking)
+        return np.asarray((self.lowest + self.covariance[:, rows] @ pulled) / self.size)
+
+    def covariance_with(self, given: Sequence[int]) -> FloatArray:
+        """Return the covariance (p, p) beside given numbers g:  C - C_:g C_gg^-1 C_g:."""
         rows = list(given)
         along = self.covariance[:, rows]
         told = np.linalg.solve(self.covariance[np.ix_(rows, rows)], along.T)
-        lacking = steps * self.size[rows] - self.lowest[rows]
-        left = self.covariance - along @ told
-        step = (self.lowest + lacking @ told) / self.size
-        return step, left / np.outer(self.size, self.size)
+        return np.asarray((self.covariance - along @ told) / np.outer(self.size, self.size))
 
 
 def losses(
@@ -78,28 +83,43 @@ def losses(
     return found
 
 
-def gains(
-    problem: EstimationProblem, fit: Fit, drops: Sequence[Sequence[Effect]]
-) -> list[FloatArray]:
-    """Return (outputs,) what each drop adds to the held-out mean squares, to first order.
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """What a fit leaves of data that it has not seen, without some of its causes, to first order.
 
-    Args:
+    Attributes:
         problem: the logs.
         fit: of a hypothesis.
-        drops: causes that are dropped together.
+        folds: what all other folds tell of the numbers, and the products of each fold: (outputs, p,
+            p) and (outputs, p) of derivatives, along with one another and with what is left there,
+            and (outputs,) squares of that.
     """
-    gone = [([], np.zeros(0)), *(until_null(fit, own, problem.robot) for own in drops)]
-    squares = np.zeros((len(gone), fit.residual.shape[1]))
-    for rows, gram, moment in fit.without_each():
-        known, along, norm = fit.beside_usual(gram, moment)
-        size = np.where(np.isfinite(norm), norm, 1.0)  # a column of zeros may have any step
-        lowest = Normal.in_units(known, along, size)
-        for sums, given in zip(squares, gone, strict=True):
-            step, _ = lowest.with_steps(*given)
-            left = fit.residual[rows] + change_along(fit.jacobian[rows], step)
-            sums += np.einsum("ro,ro->o", left, left)
-    means = squares / len(fit.residual)
-    return list(means[1:] - means[0])
+
+    problem: EstimationProblem
+    fit: Fit
+    folds: tuple[tuple[Normal, FloatArray, FloatArray, FloatArray], ...]
+
+    @classmethod
+    def of(cls, problem: EstimationProblem, fit: Fit) -> HeldOut:
+        """Return what is needed for all drops."""
+        folds = []
+        for rows, gram, moment in fit.without_each():
+            known, along, norm = fit.beside_usual(gram, moment)
+            size = np.where(np.isfinite(norm), norm, 1.0)  # a column of zeros may have any step
+            each, left = fit.jacobian[rows].transpose(1, 2, 0), fit.residual[rows].T
+            products = each @ each.swapaxes(1, 2), (each @ left[:, :, None])[:, :, 0]
+            lowest = Normal.in_units(known, along, size)
+            folds.append((lowest, *products, np.sum(left**2, axis=1)))
+        return cls(problem, fit, tuple(folds))
+
+    def without(self, dropped: Sequence[Effect]) -> FloatArray:
+        """Return (outputs,) held-out mean squares without some causes."""
+        gone = until_null(self.fit, dropped, self.problem.robot)
+        squares = np.zeros(self.fit.residual.shape[1])
+        for lowest, gram, moment, left in self.folds:
+            step = lowest.step_with(*gone)
+            squares += left + 2.0 * moment @ step + step @ gram @ step
+        return squares / len(self.fit.residual)
 
 
 def without_each(
@@ -108,7 +128,7 @@ def without_each(
     """Yield what is left (rows, outputs) without the causes of each drop."""
     lowest = Normal.of(fit.known, fit.moment)
     for dropped in drops:
-        step, _ = lowest.with_steps(*until_null(fit, dropped, problem.robot))
+        step = lowest.step_with(*until_null(fit, dropped, problem.robot))
         yield fit.residual + change_along(fit.jacobian, step)
 
 

@@ -85,7 +85,10 @@ def find_causes(
         if gears := [kind for kind in classes if issubclass(kind, YieldingGear)]:
             ends += _with_yielding_gears(direct, gears, trials.best_of(ends))
         final = trials.best_of(ends)
-        if not final.swings:  # an answer says by how much what comes nearest to it is worse
+        if final.swings:  # a fit of links that bounce may go on from where it ended
+            again = trials.of(final.effects, final) or final
+            final = min(final, again, key=lambda h: h.error)
+        else:  # an answer says by how much what comes nearest to it is worse
             nearest = direct.proposer.exchanges(final, RIVALS, hopeless=True)
             trials.rivals_of(final, nearest[:RIVALS])
     except OutOfTime:

@@ -305,7 +305,8 @@ class CauseScreen:
 
     def _density(self, new: _Products, own: Sequence[Effect]) -> tuple[FloatArray, FloatArray]:
         """Return (K,) what causes add to the log density [nats], and their numbers (K, r)."""
-        start, covariance = self._normal.with_steps(*until_null(self.fit, own, self.problem.robot))
+        gone, steps = until_null(self.fit, own, self.problem.robot)
+        start, covariance = self._normal.step_with(gone, steps), self._normal.covariance_with(gone)
         weights = 1.0 / self.fit.usual.noise
         across = np.einsum("o,kopr->kpr", weights, new.beside)
         inner = np.einsum("o,kors->krs", weights, new.among) + new.usual

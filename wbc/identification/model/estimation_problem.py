@@ -317,7 +317,9 @@ class EstimationProblem:
             return np.zeros((0, 0))
         return WIDER * fit.steps_of_blocks(self.blocks)[1]
 
-    def interval_bounds(self, fit: Fit, distortion: FloatArray) -> FloatArray:
+    def interval_bounds(
+        self, fit: Fit, distortion: FloatArray, also: FloatArray | float = 0.0
+    ) -> FloatArray:
         """Return (p, 2) the ends of the 90 % interval of every parameter, in its own unit.
 
         A parameter that the logs do not tell at all may be anything: its ends are those of its
@@ -326,14 +328,16 @@ class EstimationProblem:
         Args:
             fit: to the logs.
             distortion: (p,) of it, as `distortion` returns.
+            also: (p,) steps to other values that the intervals hold, in the parameters' scales.
         """
         half = np.hypot(TAIL * np.linalg.norm(self.deviations(fit), axis=0), distortion)
+        lowest, highest = np.minimum(also, 0.0) - half, np.maximum(also, 0.0) + half
         bounds = np.empty((len(fit.parameters), 2))
-        for row, (k, parameter) in enumerate(fit.parameters):
-            value, reach = fit.effects[k].values[parameter.name], half[row] * parameter.scale
+        for row, (k, p) in enumerate(fit.parameters):
+            value = fit.effects[k].values[p.name]
             told = np.any(fit.jacobian[:, :, row]) or np.any(fit.usual.jacobian[:, row])
-            ends = (value - reach, value + reach) if told else (parameter.low, parameter.high)
-            bounds[row] = np.clip(ends, parameter.low, parameter.high)
+            reach = p.scale * np.array([lowest[row], highest[row]])
+            bounds[row] = np.clip(value + reach if told else (p.low, p.high), p.low, p.high)
         return bounds
 
     @cached_property
