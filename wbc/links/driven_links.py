@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import astuple, dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -116,22 +116,25 @@ class Motions(NamedTuple):
     Behind springs accelerations are those of the balance at the samples. A strike may be shorter
     than the distance of two samples: behind play they are means over the intervals beside a sample,
     which keeps the impulse and its time. So is dry friction.
+
+    Attributes:
+        d, v: (N, n, S) deflections and their rates; those with which a window begins where one
+            does.
+        a: (N, n, S) their accelerations.
+        dry: (N, n, S) dry friction of the links [N m].
+        reached: (N, n, S) rates at the ends of the intervals that begin with a sample; the last one
+            stays.
+        rubbed: (N, n, S) mean dry friction in these intervals [N m].
+        ends: (W, 2, n, S) deflections and rates at the ends of the windows.
     """
 
     d: FloatArray
-    """(N, n, S) deflections; those with which a window begins where one does."""
     v: FloatArray
-    """(N, n, S) their rates."""
     a: FloatArray
-    """(N, n, S) their accelerations."""
     dry: FloatArray
-    """(N, n, S) dry friction of the links [N m]."""
     reached: FloatArray
-    """(N, n, S) rates at the ends of the intervals that begin with a sample; the last one stays."""
     rubbed: FloatArray
-    """(N, n, S) mean dry friction in these intervals."""
     ends: FloatArray
-    """(W, 2, n, S) deflections and rates at the ends of the windows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +142,7 @@ class DrivenLinks:
     """What drives n links behind gears that yield, along a log.
 
     Attributes:
+        gears: in front of the links.
         inertia, drag, pull: of the links, without their gears (N, n, n): what row i feels of the
             acceleration, rate and deflection of joint j.
         load: torque of the links without deflection (N, n).
@@ -148,6 +152,7 @@ class DrivenLinks:
         coarse: times as long as usual are the steps between.
     """
 
+    gears: Sequence[Flanks]
     inertia: FloatArray
     drag: FloatArray
     pull: FloatArray
@@ -156,11 +161,12 @@ class DrivenLinks:
     level: FloatArray
     counted: FloatArray
     step: float
-    coarse: float = 1.0
-    _between: dict[int, FloatArray] = field(default_factory=dict)
+    coarse: float
 
     @classmethod
-    def of(cls, responses: Sequence[LinkResponse], coarse: float = 1.0) -> DrivenLinks:
+    def of(
+        cls, responses: Sequence[LinkResponse], gears: Sequence[Flanks], coarse: float
+    ) -> DrivenLinks:
         """Return what drives these links along one log, under the same load."""
         rows, load, step = [r.row for r in responses], responses[0].load, responses[0].step
         parts = [[r.inertia, r.damping, r.stiffness] for r in responses]
@@ -168,7 +174,8 @@ class DrivenLinks:
         still = LinkFriction(*np.zeros((3, len(load))))
         rubbing = [astuple(r.friction or still) for r in responses]
         speed, level, counted = np.stack(rubbing, axis=-1)
-        return cls(inertia, drag, pull, load[:, rows], speed, level, counted, step, coarse)
+        motors = speed, level, counted
+        return cls(gears, inertia, drag, pull, load[:, rows], *motors, step, coarse)
 
     @cached_property
     def least_inertia(self) -> FloatArray:
@@ -178,11 +185,16 @@ class DrivenLinks:
         return np.asarray(1.0 / np.max(freedom, axis=0))
 
     @cached_property
+    def bounces(self) -> bool:
+        """Whether any gear has play."""
+        return any(gear.play > 0.0 for gear in self.gears)
+
+    @cached_property
     def rubs(self) -> bool:
         """Whether any link has dry friction."""
         return bool(self.level.any())
 
-    def follow(self, gears: Sequence[Flanks], first: IntArray, starts: FloatArray) -> Motions:
+    def follow(self, first: IntArray, starts: FloatArray) -> Motions:
         """Return motions, infinite where a link flies off.
 
             inertia d_dd + drag d_d + pull d + load + friction = torque of the gears (`Flanks`)
@@ -194,53 +206,42 @@ class DrivenLinks:
         then dies (`flank_impulse`).
 
         Args:
-            gears: of the links (n,).
             first: number of the first sample of each window (W,), from 0 on.
             starts: (W, 2, n, S) deflections and rates with which the windows begin.
         """
         from wbc.links.steps import Links, follow_links  # it loads the compiler
         from wbc.structures import stored
 
-        parts, flanks = self._parts(gears), np.zeros((len(gears), 9))
+        parts, flanks = self.parts, np.zeros((len(self.gears), 9))
         h = self.step / parts
-        for flank, gear, inertia in zip(flanks, gears, self.least_inertia, strict=True):
+        for flank, gear, inertia in zip(flanks, self.gears, self.least_inertia, strict=True):
             late = 0.5 if gear.stiffness * h**2 < inertia else 1.0
             flank[:6] = gear.stiffness, gear.damping, 0.5 * gear.play, h, late, late
-        d, v, dry = np.zeros((3, *self.load.shape, starts.shape[3]))
-        load = self._loads(parts)
-        given = self.inertia, self.drag, self.pull, load, self.speed, self.level, flanks, first
-        whole, ends = map(np.ascontiguousarray, (*given, starts)), np.zeros(starts.shape)
-        links = stored(Links._make((*whole, d, v, dry, ends, parts)))
+        d, v, rubbed = np.zeros((3, *self.load.shape, starts.shape[3]))
+        given = self.inertia, self.drag, self.pull, self.loads, self.speed, self.level, flanks
+        whole, ends = map(np.ascontiguousarray, (*given, first, starts)), np.zeros(starts.shape)
+        links = stored(Links._make((*whole, d, v, rubbed, ends, parts)))
         follow_links(links, self.step, _FARTHEST)
         reached = np.concatenate([v[1:], v[-1:]])  # where windows end, not where others begin
         reached[first[1:] - 1] = ends[:-1, 1]
-        return self._motions(gears, (d, v, reached, dry), ends)
+        return self.motions(d, v, reached, rubbed, ends)
 
-    def chosen(
-        self, gears: Sequence[Flanks], moved: Motions, window: IntArray, which: IntArray
+    def motions(
+        self,
+        d: FloatArray,
+        v: FloatArray,
+        reached: FloatArray,
+        rubbed: FloatArray,
+        ends: FloatArray,
     ) -> Motions:
-        """Return one motion of S, in each window one (W,); `window` (N,) is that of each sample."""
-
-        def own(values: FloatArray, each: IntArray) -> FloatArray:
-            each = each.reshape(-1, *(1,) * (values.ndim - 1))
-            return np.asarray(np.take_along_axis(values, each, axis=-1))
-
-        samples = np.stack([moved.d, moved.v, moved.reached, moved.rubbed], axis=1)
-        found = own(samples, which[window]).swapaxes(0, 1)
-        return self._motions(gears, found, own(moved.ends, which))
-
-    def _motions(
-        self, gears: Sequence[Flanks], samples: Iterable[FloatArray], ends: FloatArray
-    ) -> Motions:
-        d, v, reached, rubbed = samples
+        """Return motions of which all is known but what holds at the samples; see `Motions`."""
         dry = at_samples(rubbed)
-        with np.errstate(invalid="ignore"):  # a link that flies off has no numbers
-            if any(gear.play > 0.0 for gear in gears):
-                a = at_samples((reached - v) / self.step)
-            else:
-                torques = [g.torque(d[:, k], v[:, k]) for k, g in enumerate(gears)]
-                needed = self.drag @ v + self.pull @ d + self.load[..., None] + dry
-                a = np.asarray(np.linalg.solve(self.inertia, np.stack(torques, axis=1) - needed))
+        if self.bounces:
+            a = at_samples((reached - v) / self.step)
+        else:
+            torques = [gear.torque(d[:, k], v[:, k]) for k, gear in enumerate(self.gears)]
+            needed = self.drag @ v + self.pull @ d + self.load[..., None] + dry
+            a = np.asarray(np.linalg.solve(self.inertia, np.stack(torques, axis=1) - needed))
         return Motions(d, v, a, dry, reached, rubbed, ends)
 
     def torques(self, moved: Motions) -> FloatArray:
@@ -248,10 +249,11 @@ class DrivenLinks:
         rubs = moved.dry - self.counted[..., None]
         return self.inertia @ moved.a + self.drag @ moved.v + self.pull @ moved.d + rubs
 
-    def _parts(self, gears: Sequence[Flanks]) -> int:
-        """Return into how many steps a sample is cut."""
+    @cached_property
+    def parts(self) -> int:
+        """Into how many steps a sample is cut."""
         parts = 1
-        for gear, inertia in zip(gears, self.least_inertia, strict=True):
+        for gear, inertia in zip(self.gears, self.least_inertia, strict=True):
             if gear.play == 0.0:
                 parts = max(parts, round(self.step / (self.coarse * _STEP)))
                 continue
@@ -260,15 +262,14 @@ class DrivenLinks:
             parts = max(parts, int(2 ** np.ceil(np.log2(min(max(wanted, 1.0), most)))))
         return parts
 
-    def _loads(self, parts: int) -> FloatArray:
-        """Return the load at the steps ((N - 1) parts + 1, n)."""
-        if parts == 1:
+    @cached_property
+    def loads(self) -> FloatArray:
+        """The load at the steps ((N - 1) parts + 1, n)."""
+        if self.parts == 1:
             return self.load
-        if parts not in self._between:
-            count = len(self.load)
-            fine = np.arange((count - 1) * parts + 1) / parts
-            self._between[parts] = CubicSpline(np.arange(count), self.load)(fine)
-        return self._between[parts]
+        count = len(self.load)
+        fine = np.arange((count - 1) * self.parts + 1) / self.parts
+        return np.asarray(CubicSpline(np.arange(count), self.load)(fine))
 
 
 def at_samples(means: FloatArray) -> FloatArray:

@@ -38,7 +38,7 @@ class Deflections:
 
     paths: list[FloatArray]
     starts: FloatArray
-    _shots: _Shots | None = None
+    _shots: _Shots
 
     @property
     def finite(self) -> bool:
@@ -65,8 +65,8 @@ class Deflections:
         return np.stack([path[first, :2] for path in self.paths], axis=-1)
 
     @cached_property
-    def _around(self) -> _Around | None:
-        return None if self._shots is None else self._shots.around(self.starts)
+    def _around(self) -> _Around:
+        return self._shots.around(self.starts)
 
 
 def deflections(
@@ -98,18 +98,17 @@ def deflections(
             14 springs and 16 widths of play leave of a practice log changes by at most 13 and 27 %,
             that of the best by 1 %, in a tenth of the time.
     """
-    shots = _Shots.of(responses, gears, _COARSE if rough else 1.0)
+    links = DrivenLinks.of(responses, gears, _COARSE if rough else 1.0)
+    shots = _Shots.of(responses, links)
     # Where the links of a trial fly off, so do its numbers: it leaves infinity, and loses.
     with np.errstate(over="ignore", invalid="ignore"):
-        around = near._around if near is not None and straight else None
         if near is None:
             starts, moved = shots.likeliest(rough)
-        elif around is not None:
-            shots = replace(shots, first=around.shots.first)
-            starts, moved = shots.beside(around)
+        elif straight:
+            starts, moved = shots.beside(near._around)
         else:
             starts, moved = shots.settled(near.at(shots.first), 1)
-    columns = [moved.d, moved.v, moved.a] + [moved.dry] * shots.links.rubs
+    columns = [moved.d, moved.v, moved.a] + [moved.dry] * links.rubs
     paths = list(np.stack(columns, axis=-1)[:, :, 0].transpose(1, 0, 2))
     return Deflections(paths, starts, shots)
 
@@ -143,17 +142,16 @@ class _Around:
         moment = self.slopes.T @ left + self.scatter * (self.ties.T @ jumps)
         return np.asarray(np.linalg.solve(self.gram, -moment)).reshape(self.starts.shape)
 
-    def change(self, step: FloatArray) -> Motions:
-        """Return the change of the motion by a step, in sizes, of the starts."""
-        own = step.reshape(len(step), -1) / _VARIED
+    def after(self, moved: Motions, step: FloatArray) -> Motions:
+        """Return a motion with the change that a step, in sizes, of the starts makes."""
 
-        def along(values: FloatArray, steps: FloatArray) -> FloatArray:
-            change = values[..., 1:] - values[..., :1]
-            return np.asarray(np.einsum("i...s,is->i...", change, steps))[..., None]
+        def changed(values: FloatArray, around: FloatArray, own: FloatArray) -> FloatArray:
+            slopes = (around[..., 1:] - around[..., :1]) / _VARIED
+            return np.asarray(values + np.einsum("i...s,is->i...", slopes, own)[..., None])
 
-        each = own[self.shots.window]
-        parts = [along(values, each) for values in self.moved[:-1]]
-        return Motions._make([*parts, along(self.moved.ends, own)])
+        own = step.reshape(len(step), -1)
+        rows = [own[self.shots.window]] * (len(moved) - 1) + [own]  # the ends are of the windows
+        return Motions(*map(changed, moved, self.moved, rows))
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,24 +161,19 @@ class _Shots:
     Attributes:
         responses: of the n links.
         links: what drives them.
-        gears: in front of them.
         first: (W,) number of the first sample of each window.
     """
 
     responses: Sequence[LinkResponse]
     links: DrivenLinks
-    gears: Sequence[Flanks]
     first: IntArray
 
     @classmethod
-    def of(
-        cls, responses: Sequence[LinkResponse], gears: Sequence[Flanks], coarse: float
-    ) -> _Shots:
+    def of(cls, responses: Sequence[LinkResponse], links: DrivenLinks) -> _Shots:
         """Return a log in windows where links bounce, else in one."""
-        links = DrivenLinks.of(responses, coarse)
         hop = max(8, int(_WINDOW / links.step))
-        count = max(1, len(links.load) // hop) if any(gear.play > 0.0 for gear in gears) else 1
-        return cls(responses, links, gears, hop * np.arange(count))
+        count = max(1, len(links.load) // hop) if links.bounces else 1
+        return cls(responses, links, hop * np.arange(count))
 
     @cached_property
     def size(self) -> FloatArray:
@@ -189,7 +182,7 @@ class _Shots:
         A soft or heavily damped gear is far from wound up when a window ends: it gets no further
         than its damping and the link's inertia let it.
         """
-        links, gears = self.links, self.gears
+        links, gears = self.links, self.links.gears
         load, inertia = np.abs(links.load).max(axis=0), np.diagonal(links.inertia.mean(axis=0))
         half = np.array([0.5 * gear.play for gear in gears])
         held = np.array([gear.stiffness + gear.damping / _WINDOW for gear in gears])
@@ -204,7 +197,7 @@ class _Shots:
         on from where the last one ended, where that leaves less.
         """
         load, places = self.links.load[self.first], []
-        for gear, torque in zip(self.gears, load.T, strict=True):
+        for gear, torque in zip(self.links.gears, load.T, strict=True):
             far = -torque / max(gear.stiffness, _SLACK) - np.sign(torque) * 0.5 * gear.play
             places.append((far, -far) if gear.play > 0.0 else (far,))
         wound = np.stack([np.stack(sides, axis=1) for sides in product(*places)], axis=-1)
@@ -221,7 +214,7 @@ class _Shots:
         if offers.shape[-1] == 1:
             return offers[..., 0]
         best = np.argmin(self._squares(self._left(self._follow(offers))), axis=0)
-        return _chosen(offers, best)
+        return _chosen(offers, best)[..., 0]
 
     def settled(self, starts: FloatArray, steps: int) -> tuple[FloatArray, Motions]:
         """Return starts (W, 2, n) from which less is left, and the motion from them.
@@ -234,7 +227,7 @@ class _Shots:
         hardly feels others but its neighbours, so that each takes the share of its step that leaves
         least in and beside it. Behind springs one step is all: the motion is linear in its start.
         """
-        given, linear = starts[:1], all(gear.play == 0.0 for gear in self.gears)
+        given = starts[:1]
         for _ in range(steps):
             around = self.around(starts)
             moved = Motions(*(values[..., :1] for values in around.moved))
@@ -242,8 +235,8 @@ class _Shots:
             step = around.step(around.left, jumps.ravel())
             if not np.isfinite(step).all():
                 break
-            if linear and not self.links.rubs:
-                return starts + self.size * step, _sum(moved, around.change(step))
+            if not self.links.bounces and not self.links.rubs:
+                return starts + self.size * step, around.after(moved, step)
             shares = (self.size * step)[..., None] * np.array(_SHARES)
             offers = starts[..., None] + np.concatenate([0.0 * shares[..., :1], shares], axis=-1)
             tried = [moved, self._follow(offers[..., 1:])]
@@ -251,24 +244,31 @@ class _Shots:
             cost, own = self._cost(offers, given, tried_all, around.scatter)
             which = np.argmin(own, axis=0)
             chosen = _chosen(offers, which)
-            after = self.links.chosen(self.gears, tried_all, self.window, which)
-            gained, _ = self._cost(chosen[..., None], given, after, around.scatter)
+            after = self._one_of(tried_all, which)
+            gained, _ = self._cost(chosen, given, after, around.scatter)
             if not gained[0] < cost[0]:
                 break
-            starts, moved = chosen, after
+            starts, moved = chosen[..., 0], after
             if gained[0] > _PROMISING * cost[0]:
                 break
         return starts, moved
 
     def beside(self, around: _Around) -> tuple[FloatArray, Motions]:
         """Return starts and motion one step from those of other numbers, by their derivatives."""
-        moved = self._follow(around.starts[..., None])
-        jumps = around.shots._jumps(around.starts[..., None], around.starts[:1], moved)
-        step = around.step(self._left(moved)[:, 0], jumps.ravel())
-        return around.starts + around.shots.size * step, _sum(moved, around.change(step))
+        shots, starts = replace(self, first=around.shots.first), around.starts
+        moved = shots._follow(starts[..., None])
+        jumps = around.shots._jumps(starts[..., None], starts[:1], moved)
+        step = around.step(shots._left(moved)[:, 0], jumps.ravel())
+        return starts + around.shots.size * step, around.after(moved, step)
 
     def _follow(self, starts: FloatArray) -> Motions:
-        return self.links.follow(self.gears, self.first, starts)
+        return self.links.follow(self.first, starts)
+
+    def _one_of(self, moved: Motions, which: IntArray) -> Motions:
+        """Return one of S motions: in each window the one that is chosen there (W,)."""
+        each = which[self.window]
+        parts = moved.d, moved.v, moved.reached, moved.rubbed, moved.ends
+        return self.links.motions(*map(_chosen, parts, (each, each, each, each, which)))
 
     def around(self, starts: FloatArray) -> _Around:
         """Return how the links move from starts (W, 2, n) and from others close by."""
@@ -372,10 +372,7 @@ class _Shots:
         return ties.reshape(windows * count, -1)
 
 
-def _sum(moved: Motions, change: Motions) -> Motions:
-    return Motions(*(values + more for values, more in zip(moved, change, strict=True)))
-
-
-def _chosen(starts: FloatArray, which: IntArray) -> FloatArray:
-    """Return one of S starts (W, 2, n, S) for each window, (W, 2, n)."""
-    return np.asarray(np.take_along_axis(starts, which[:, None, None, None], axis=-1)[..., 0])
+def _chosen(values: FloatArray, which: IntArray) -> FloatArray:
+    """Return of S entries (N, ..., S) the one that is chosen in each row (N,), (N, ..., 1)."""
+    each = which.reshape(-1, *(1,) * (values.ndim - 1))
+    return np.asarray(np.take_along_axis(values, each, axis=-1))
