@@ -59,7 +59,7 @@ def test_many_designs_are_the_metrics_of_each(name: str, coupled: bool) -> None:
             "impact_mitigation_lossless": (
                 metrics.impact_mitigation(one, q, contact, axes, 0.0).along(n)
             ),
-            "backdriving_force": reach.backdriving(n),
+            "backdriving_force": force.backdriving_force,
             "holding_torque": np.linalg.norm(held.least),
             "holding_torque_lossless": np.linalg.norm(held.lossless),
             "heat_saved": held.heat_saved,

@@ -115,7 +115,7 @@ def test_the_knee_holds_its_share_of_the_load(robot: Robot, least: float) -> Non
 def test_the_force_that_moves_the_unpowered_leg(robot: Robot, threshold: float) -> None:
     reach = metrics.force_capability(robot, robot.pose("paper"), "foot", "xz")
     assert reach.backdriving_torque[1] == pytest.approx(threshold)
-    assert reach.backdriving(UP) == pytest.approx(threshold / 0.2)
+    assert reach.along(UP).backdriving_force == pytest.approx(threshold / 0.2)
 
 
 def test_unknown_motors_count_as_equal() -> None:

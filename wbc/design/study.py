@@ -232,12 +232,13 @@ class Study:
             DynamicsError, TransmissionError: a value outside its range.
         """
         robot, values = loaded(self.robot, self.contact), self.values(start, stop)
-        gears, q = robot.transmission, np.array([self.position])
+        gears, count = robot.transmission, stop - start
+        moves = any(p.name == "joint" for p in self.parameters)
+        q = np.tile(self.position, (count if moves else 1, 1))
         told: dict[str, FloatArray] = {}
 
-        def tell(field: str, numbers: FloatArray, gear: int | slice = slice(None)) -> None:
-            wide = told.setdefault(field, np.full((stop - start, gears.size), np.nan))
-            wide[:, gear] = numbers
+        def tell(field: str, numbers: FloatArray, own: list[int] | slice = slice(None)) -> None:
+            told.setdefault(field, np.full((count, gears.size), np.nan))[:, own] = numbers
 
         if self.gearboxes:
             rows = values["gearbox"].astype(np.int_)
@@ -249,20 +250,18 @@ class Study:
             tell("backward_efficiency", backward)
         for p in self.parameters:
             if p.name == "joint":
-                q = np.repeat(q, 1 if len(q) > 1 else stop - start, axis=0)
                 q[:, robot.position_index(p.place)] = values[p.column]
             else:
-                gear = gears.index(p.place) if p.place else slice(None)
-                column = values[p.column]
-                tell(GEAR_PARAMETERS[p.name], column if p.place else column[:, None], gear)
+                own = [gears.index(p.place)] if p.place else slice(None)
+                tell(GEAR_PARAMETERS[p.name], values[p.column][:, None], own)
         given = {n: np.where(np.isnan(x), getattr(gears, n), x) for n, x in told.items()}
         if "forward_efficiency" in told:
             # A forward efficiency alone brings the wedge's backward one.
             alone = np.isnan(told.get("backward_efficiency", np.nan))
             alone = alone & ~np.isnan(told["forward_efficiency"])
             wedge = wedge_backward_efficiency(given["forward_efficiency"])
-            own = given.get("backward_efficiency", gears.backward_efficiency)
-            given["backward_efficiency"] = np.where(alone, wedge, own)
+            stated = given.get("backward_efficiency", gears.backward_efficiency)
+            given["backward_efficiency"] = np.where(alone, wedge, stated)
         return Designs.of(robot, q, given)
 
     def evaluate(self, start: int, stop: int) -> dict[str, FloatArray]:

@@ -86,14 +86,6 @@ class ForceCapability:
         """
         return frozen(unpowered_limits(self.task.designs.gears)[0])
 
-    def backdriving(self, direction: ArrayLike) -> float:
-        """Return the force [N] along `direction` (n,) at which the first unpowered gear gives way.
-
-        Raises:
-            DynamicsError: a direction in which the structure bears the force without any torque.
-        """
-        return self.along(direction).backdriving_force
-
     def moving(self, direction: ArrayLike) -> FloatArray:
         """Return the corners (c, n) [N] of the combined polygon of lifting and holding.
 

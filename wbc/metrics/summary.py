@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
 from wbc.errors import DynamicsError
-from wbc.metrics import inertia
 from wbc.metrics.designs import ContactTask, Designs, contact_task, designs_task, ratio, upward
 from wbc.metrics.force_capability import force_capability, forces_along, holding, holding_of
+from wbc.metrics.inertia import (
+    backward_generalized_inertia,
+    directional_inertia,
+    forward_generalized_inertia,
+    generalized_inertia,
+    impact_mitigation,
+)
 from wbc.robot import Robot
 from wbc.transmission import Direction
 
@@ -74,34 +80,24 @@ def summary(
     size, where = robot.weight if load is None else load, (robot, q, contact, axes)
     reach, held = force_capability(*where), holding(robot, q, contact, up, size, axes)
     gears, carried = robot.transmission.joints, f"rotor side, load {size:.4g} N {way}; {HELD}"
-    rows = [
-        _row(name, "kg", f"{assumption}; {REST}", partial(find, *where))
-        for name, assumption, find in (
-            ("GIT", PERFECT, inertia.generalized_inertia),
-            ("Backward-GIT", BACKWARD, inertia.backward_generalized_inertia),
-            ("Forward-GIT", FORWARD, inertia.forward_generalized_inertia),
-        )
-    ]
-    rows += _directions(robot, q, contact, axes, way, up)
 
     def force(of: str) -> float:
         return float(getattr(reach.along(up), of))
 
-    rows += [
-        _row(f"force {way}, {name}", "N", f"{note}; {STATIC}", partial(force, of))
-        for name, note, of in (
-            ("lossless", PERFECT, "conventional"),
-            ("lift", "all gears lift", "lift"),
-            ("hold", "all gears hold", "hold"),
-        )
+    rows = [
+        _row("GIT", "kg", f"{PERFECT}; {REST}", generalized_inertia, *where),
+        _row("Backward-GIT", "kg", f"{BACKWARD}; {REST}", backward_generalized_inertia, *where),
+        _row("Forward-GIT", "kg", f"{FORWARD}; {REST}", forward_generalized_inertia, *where),
+        *_directions(robot, q, contact, axes, way, up),
+        _row(f"force {way}, lossless", "N", f"{PERFECT}; {STATIC}", force, "conventional"),
+        _row(f"force {way}, lift", "N", f"all gears lift; {STATIC}", force, "lift"),
+        _row(f"force {way}, hold", "N", f"all gears hold; {STATIC}", force, "hold"),
+        _row(f"force polygon, moving {way}", "N", f"{MOVING}; {STATIC}", reach.moving, up),
     ]
-    note = f"{MOVING}; {STATIC}"
-    rows.append(_row(f"force polygon, moving {way}", "N", note, partial(reach.moving, up)))
     for name, note, mode in (("conservative", PERFECT, 0.0), ("dissipative", BACKWARD, -1.0)):
-        factor, note = inertia.impact_mitigation(*where, mode), f"{note}; {IMPACT}"
-        rows.append(_row(f"IMF {way}, {name}", "1", note, partial(factor.along, up)))
-        determinant = partial(getattr, factor, "determinant")
-        rows.append(_row(f"IMF determinant, {name}", "1", note, determinant))
+        factor, note = impact_mitigation(*where, mode), f"{note}; {IMPACT}"
+        rows.append(_row(f"IMF {way}, {name}", "1", note, factor.along, up))
+        rows.append(_row(f"IMF determinant, {name}", "1", note, getattr, factor, "determinant"))
     back = f"motor output; {UNPOWERED}"
     return [
         *rows,
@@ -110,7 +106,7 @@ def summary(
         Metric("holding heat, lossless", "W", held.heat_lossless, carried),
         Metric("holding heat, least", "W", held.heat_least, carried),
         Metric("heat saved by stiction", "1", held.heat_saved, carried),
-        _row(f"backdriving force {way}", "N", UNPOWERED, partial(reach.backdriving, up)),
+        _row(f"backdriving force {way}", "N", UNPOWERED, force, "backdriving_force"),
         Metric("backdriving torque", "N m", reach.backdriving_torque, back, gears),
     ]
 
@@ -120,8 +116,8 @@ def _directions(
 ) -> list[Metric]:
     name, share = f"effective mass {way}", "directions driven forward by all"
     try:
-        one = inertia.directional_inertia(robot, q, contact, axes, up[None])
-        shown = inertia.directional_inertia(robot, q, contact, axes, 3600).share_forward
+        one = directional_inertia(robot, q, contact, axes, up[None])
+        shown = directional_inertia(robot, q, contact, axes, 3600).share_forward
     except DynamicsError as reason:
         return [Metric(name, "kg", str(reason), EXACT)]
     return [
@@ -132,9 +128,10 @@ def _directions(
     ]
 
 
-def _row(name: str, unit: str, assumption: str, find: Callable[[], Value]) -> Metric:
+def _row(name: str, unit: str, assumption: str, find: Callable[..., Value], *given: Any) -> Metric:
+    """Return the metric that `find` returns of what is given, or why there is none."""
     try:
-        return Metric(name, unit, find(), assumption)
+        return Metric(name, unit, find(*given), assumption)
     except DynamicsError as reason:
         return Metric(name, unit, str(reason), assumption)
 

@@ -185,7 +185,7 @@ def experiment_figure(
     told = [(odds, pair) for pair, odds in designed.odds.items() if pair not in designed.alike]
     shown = {"designed": designed, "random": found[plans.RANDOM]} if told else {}
     misfits = {
-        name: plans.torque_misfit(rivals, limits, one.path, min(told)[1], rate)
+        name: plans.predicted(rivals, limits, one.path, rate)[0].misfit(min(told)[1])
         for name, one in shown.items()
     }
     joints = robot.transmission.joints

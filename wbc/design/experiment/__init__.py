@@ -3,6 +3,7 @@
 from wbc.design.experiment.motions import (
     FourierPath as FourierPath,
     MotionLimits as MotionLimits,
+    predicted as predicted,
     write_set_points as write_set_points,
 )
 from wbc.design.experiment.rivals import (
@@ -29,6 +30,5 @@ from wbc.design.experiment.search import (
     informing as informing,
     random_paths as random_paths,
     shrinking as shrinking,
-    torque_misfit as torque_misfit,
 )
 from wbc.design.experiment.tied import tied_causes as tied_causes, tied_rivals as tied_rivals

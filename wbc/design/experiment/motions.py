@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -117,18 +116,15 @@ class LinkDistances:
     def __init__(self, robot: Robot, center: FloatArray) -> None:
         """Find the pairs of a robot that moves about `center` (m,) of the driven joints."""
         self._robot, self.solids = robot, collision_solids(robot)
+        self.solids.addAllCollisionPairs()  # of solids that different joints move
         joints = [one.parentJoint for one in self.solids.geometryObjects]
-        parents = robot.model.parents
-        pairs = [
-            pin.CollisionPair(i, k)
-            for (i, a), (k, b) in combinations(enumerate(joints), 2)
-            if a != b and parents[a] != b and parents[b] != a
-        ]
-        for pair in pairs:
-            self.solids.addCollisionPair(pair)
         (position,) = _whole(robot, center[None])
-        for pair, touch in zip(pairs, self._touching(position, first=False), strict=True):
-            if touch:
+        near, parents = self._touching(position, first=False), robot.model.parents
+        for pair, touch in zip(
+            self.solids.collisionPairs.tolist(deep_copy=True), near, strict=True
+        ):
+            a, b = joints[pair.first], joints[pair.second]
+            if touch or parents[a] == b or parents[b] == a:
                 self.solids.removeCollisionPair(pair)
 
     def keeps(self, positions: FloatArray) -> bool:

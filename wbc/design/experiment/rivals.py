@@ -316,7 +316,7 @@ class Predictions:
     def misfit(self, pair: Pair) -> FloatArray:
         """Return what the refitted other cause leaves of a true one's torque, (N, m) over noise.
 
-        The other one is taken as linear in its parameters.
+        The other one is taken as linear in its parameters. The odds are half the sum of squares.
         """
         target = self.expected_torques[pair[0]]
         return np.asarray(self._left(pair)[0][: target.size].reshape(target.shape))

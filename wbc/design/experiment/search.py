@@ -280,17 +280,6 @@ def _alike(along: Sequence[Predictions]) -> tuple[Pair, ...]:
     )
 
 
-def torque_misfit(
-    rivals: Rivals, limits: MotionLimits, path: FourierPath, pair: Pair, rate: float = 100.0
-) -> FloatArray:
-    """Return what one cause, refitted, leaves of the torque of another along a path.
-
-    (N, m) in units of the noise, at `path.times(rate)`; the odds are half its sum of squares.
-    """
-    found, _ = predicted(rivals, limits, path, rate)
-    return found.misfit(pair)
-
-
 def expected(
     rivals: Rivals, limits: MotionLimits, path: FourierPath, rate: float = 100.0
 ) -> Designed:
