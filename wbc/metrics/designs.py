@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from wbc.arrays import FloatArray, checked, frozen
 from wbc.dynamics import Workspace, evaluate
 from wbc.dynamics.equation import rotor_coupling
-from wbc.errors import DynamicsError, RobotError, TransmissionError, require_known
+from wbc.errors import DynamicsError, RobotError, require_known
 from wbc.robot import ContactPoint, Robot
 from wbc.transmission import GEAR_NUMBERS, Direction, wedge_backward_efficiency
 
@@ -87,12 +87,8 @@ class Designs:
                 "combined; give every varied quantity the same number of values."
             )
         for name, numbers in full.items():
-            for holds, rule in GEAR_NUMBERS[name].rules:
-                for row, column in np.argwhere(~holds(numbers)):
-                    raise TransmissionError(
-                        f"{name} of design {row}, gear {column} is {numbers[row, column]:g}; it "
-                        f"must be {rule}."
-                    )
+            called = f"{name} of design {{}}, gear {{}}".format
+            GEAR_NUMBERS[name].require(numbers, called)
         return cls(robot, sizes.pop() if sizes else 1, q, full)
 
 

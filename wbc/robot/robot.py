@@ -493,9 +493,9 @@ class Robot(Remade):
         Raises:
             TransmissionError: a joint that no gear drives.
         """
-        chosen, before = tuple(joints), self.before_effects
-        known = before and before.with_torque_sensors(chosen)
-        return replace(self, torque_sensors=chosen, before_effects=known)
+        chosen = tuple(joints)
+        before = self.before_effects and self.before_effects.with_torque_sensors(chosen)
+        return replace(self, torque_sensors=chosen, before_effects=before)
 
     def with_transmission(self, transmission: Transmission) -> Robot:
         """Return a copy with other gears."""
@@ -508,9 +508,8 @@ class Robot(Remade):
         Args:
             times: (m,) [s] of each of `DRIVE_TIMES`.
         """
-        gears, before = self.transmission.replace(**times), self.before_effects
-        known = before and before.with_drive_times(times)
-        return self._with(transmission=gears, before_effects=known)
+        before = self.before_effects and self.before_effects.with_drive_times(times)
+        return self._with(transmission=self.transmission.replace(**times), before_effects=before)
 
     def with_inertia(self, joint_number: int, inertia: pin.Inertia) -> Robot:
         """Return a copy whose link at that joint has `inertia`."""

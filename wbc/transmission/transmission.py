@@ -34,6 +34,15 @@ class GearNumber(NamedTuple):
     default: float | None
     rules: tuple[_Rule, ...]
 
+    def require(self, values: FloatArray, called: Callable[..., str]) -> None:
+        """Raise TransmissionError where a rule does not hold; `called` names it, by its place."""
+        for holds, rule in self.rules:
+            for k in np.flatnonzero(~holds(values)):
+                place = np.unravel_index(k, values.shape)
+                raise TransmissionError(
+                    f"{called(*place)} is {values[place]:g}; it must be {rule}."
+                )
+
 
 def _number(unit: str, default: float | None, *rules: _Rule, needed: bool = False) -> Any:
     """Return the field of a number of a gear, which may be left out unless it is needed."""
@@ -153,13 +162,7 @@ class Transmission(Remade):
         elif array.shape != (m,):
             raise TransmissionError(f"{label} has shape {array.shape}, expected ({m},).")
         object.__setattr__(self, name, frozen(array))
-        for holds, rule in number.rules:
-            bad = np.flatnonzero(~holds(array))
-            if bad.size:
-                raise TransmissionError(
-                    f"{name} of joint '{self.joints[int(bad[0])]}' is {array[bad[0]]:g}; it must "
-                    f"be {rule}."
-                )
+        number.require(array, lambda k: f"{name} of joint '{self.joints[k]}'")
 
     @property
     def size(self) -> int:
@@ -172,11 +175,6 @@ class Transmission(Remade):
     def copper_loss(self) -> FloatArray:
         """R / k_t^2 (m,), Joule heat per squared rotor torque [W/(N m)^2]; NaN where unknown."""
         return frozen(self.resistance / self.torque_constant**2)
-
-    @cached_property
-    def reduction(self) -> FloatArray:
-        """R = diag(1/N), (m, m): dpsi = R dphi."""
-        return frozen(np.diag(1.0 / self.gear_ratio))
 
     @cached_property
     def distribution(self) -> FloatArray:

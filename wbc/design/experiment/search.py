@@ -231,16 +231,12 @@ def compare_motions(
     """
     given = rivals, limits, duration
     drawn = random_paths(*given, seed + 1, _RANDOM)
-    chance = sorted((expected(rivals, limits, path, rate) for path in drawn), key=_said)
+    chance = [expected(rivals, limits, path, rate) for path in drawn]
+    chance.sort(key=lambda one: one.worst if one.odds else -one.width)
     plan = partial(design_experiment, *given, rate=rate, rounds=rounds, seed=seed, watch=watch)
     classic = plan(aim=informing)
     designed = plan(starts=[classic.path])
     return {RANDOM: chance[_RANDOM // 2], CLASSIC: classic, DESIGNED: designed}
-
-
-def _said(one: Designed) -> float:
-    """Return by what random motions are put in order: the least odds, or narrow intervals."""
-    return one.worst if one.odds else -one.width
 
 
 def _require_limits(rivals: Rivals, limits: MotionLimits, duration: float) -> None:
