@@ -273,9 +273,8 @@ class Study:
 
 def describe_columns(study: Study) -> dict[str, str]:
     """Return the unit of every column of a study's table, in order."""
-    units = {"design": "1", **{p.column: p.unit for p in study.varied}}
-    units.update({f.name: _UNITS.get(f.name, "1") for f in fields(DesignMetrics)})
-    return units
+    metrics = {field.name: _UNITS.get(field.name, "1") for field in fields(DesignMetrics)}
+    return {"design": "1", **{p.column: p.unit for p in study.varied}, **metrics}
 
 
 @lru_cache(maxsize=8)

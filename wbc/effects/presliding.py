@@ -353,7 +353,6 @@ def inertia_along(robot: Robot, motion: Motion, direction: FloatArray) -> FloatA
     """
     model, rows = robot.model, robot.motor_rows
     inertia = pin.crba(model, model.createData(), motion.position, pin.Convention.WORLD)
-    inertia = np.triu(inertia) + np.triu(inertia, 1).T
     inertia += rows.T * robot.transmission.reflected_inertia @ rows
     moved = np.linalg.solve(inertia, direction.T).T
     return np.asarray(1.0 / np.sum(direction * moved, axis=-1))

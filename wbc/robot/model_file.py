@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.errors import RobotError, require_known
+from wbc.robot.robot import bodies_of
 
 _BASES = ("fixed", "free_flyer")
 _ENDLESS = 1e9  # limits where there are none, while a file is parsed that must state numbers
@@ -218,11 +219,8 @@ def check_inertias(model: pin.Model, path: Path) -> tuple[str, ...]:
     Raises:
         RobotError: an inertia that is not positive definite; a link would gain energy by turning.
     """
-    frames = reversed(model.frames.tolist())
-    bodies = {f.parentJoint: f.name for f in frames if f.type == pin.FrameType.BODY}
     notes = []
-    for number in range(1, model.njoints):
-        link = bodies.get(number, model.names[number])
+    for number, link in enumerate(bodies_of(model), start=1):
         values, axes = np.linalg.eigh(model.inertias[number].inertia)
         limit = _PRINTED * float(np.abs(values).max())
         principal = ", ".join(f"{value:.4g}" for value in values)

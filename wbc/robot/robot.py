@@ -129,6 +129,14 @@ class RotorMounting(NamedTuple):
     axis: FloatArray
 
 
+def bodies_of(model: pin.Model) -> tuple[str, ...]:
+    """Return the first link that each moving joint carries, or the joint's name without any."""
+    carried = dict(enumerate(model.names))
+    frames = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
+    carried |= {frame.parentJoint: str(frame.name) for frame in reversed(frames)}
+    return tuple(carried[k] for k in range(1, model.njoints))
+
+
 def require_sound(name: str, model: pin.Model, contacts: Sequence[ContactPoint]) -> None:
     """Check a robot's links and contacts.
 
@@ -371,10 +379,7 @@ class Robot(Remade):
     @cached_property
     def bodies(self) -> tuple[str, ...]:
         """One name per moving joint: the link that it carries, of which fixed ones are part."""
-        carried = {k: joint for k, joint in enumerate(self.joints, start=1)}
-        frames = [frame for frame in self.model.frames if frame.type == pin.FrameType.BODY]
-        carried |= {frame.parentJoint: str(frame.name) for frame in reversed(frames)}
-        return tuple(carried[k] for k in range(1, self.model.njoints))
+        return bodies_of(self.model)
 
     def body_joint(self, body: str) -> int:
         """Return the number of the joint that moves `body`.
