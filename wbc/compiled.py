@@ -80,9 +80,9 @@ OutTable: TypeAlias = Annotated[IntArray, types.Array(types.int64, 2, "C")]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
+# Bytes of Python's code, those of copied functions included, up to which machine code is copied
+# into functions that call it.
 _COPIED = 700
-"""Bytes of Python's code, those of copied functions included, up to which machine code is copied
-into functions that call it."""
 
 
 def _view(context: Any, array: Any, start: Any, rows: Any, columns: Any) -> Any:

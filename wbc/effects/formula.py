@@ -31,6 +31,7 @@ _NAME = r"(?P<joint>[^\s|()^*]+)"
 _VARIABLE = rf"(?P<quantity>{'|'.join(_DIMENSION)})_{_NAME}"
 _NUMBER = r"(?P<number>\d+(?:\.\d+)?(?:e[-+]?\d+)?)"
 _ANGLE = rf"\((?:{_NUMBER} )?(?P<quantity>q)_{_NAME}\)"
+# How a shape is written, and its function of a quantity and a number.
 _SHAPES: dict[str, tuple[str, Callable[[FloatArray, float], FloatArray]]] = {
     "power": (rf"{_VARIABLE}(?:\^(?P<number>[2-5]))?", lambda x, k: x ** int(k)),
     "size": (rf"\|{_VARIABLE}\|", lambda x, _: np.abs(x)),
@@ -38,7 +39,6 @@ _SHAPES: dict[str, tuple[str, Callable[[FloatArray, float], FloatArray]]] = {
     "sin": (f"sin{_ANGLE}", lambda x, k: np.sin(k * x)),
     "cos": (f"cos{_ANGLE}", lambda x, k: np.cos(k * x)),
 }
-"""How a shape is written, and its function of a quantity and a number."""
 
 _HELP = (
     "a term is '1' or a product such as 'sin(2 q_hip) * sign(v_knee)' of the factors q_JOINT, "

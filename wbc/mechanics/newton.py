@@ -43,10 +43,10 @@ SEVERAL see `wbc.sim.step.self_locking`."""
 WAYS = ("newton", "proximal", "ranges", "passive")
 """The same as words."""
 
+# Solo12 in stance needs up to 6, TALOS 8, a robot on 20 feet that rock 13. Of 2,420 dense steps
+# (corpora of tests/sim/step/test_cones.py) 2,172 settle within 20 and 2,223 within 30, with `HOLD`
+# at 1e-4.
 _STEPS = 20
-"""Solo12 in stance needs up to 6, TALOS 8, a robot on 20 feet that rock 13. Of 2,420 dense steps
-(corpora of tests/sim/step/test_cones.py) 2,172 settle within 20 and 2,223 within 30, with `HOLD` at
-1e-4."""
 
 HOLD = 3e-5
 """Compliance of rows that hold, as a share of their own. TALOS that stands with dry friction at 30
@@ -54,20 +54,19 @@ joints, and that falls and comes to rest, takes 4.3 and 5.5 linear systems in a 
 and 6.2 with 3e-5, 5.3 and 5.8 with 1e-4, 8.9 and 6.0 with 1e-3. With 1e-5 one of the dense steps
 above ends off its laws."""
 _FIRM = 1e-9  # the same where laws fall: about points, steps then need not come nearer
+# Of the tolerance: what counts as a solution; and what rows may be off by where nothing comes
+# nearer, as a mean by what they carry: what they make of energy is rounding then
+# (`StepResult.events`).
 _NEAR, _MEAN = 1e3, 10.0
-"""Of the tolerance: what counts as a solution; and what rows may be off by where nothing comes
-nearer, as a mean by what they carry: what they make of energy is rounding then
-(`StepResult.events`)."""
+# Times that friction is halved, but the last time, when there is none; and of the tolerance, what
+# a passive end is off the laws of that friction.
 _WEAKER, _EXACT = 5, 0.03
-"""Times that friction is halved, but the last time, when there is none; and of the tolerance, what
-a passive end is off the laws of that friction."""
+# Compliance of rounds, as a share of that of each row alone, and how it changes. Nine of the dense
+# steps above are not solved where rows get no softer than 1; all are from 30 on. Begun at 1e-6 or
+# 1e-3, one takes 16.0 or 12.8 linear systems (mean).
 _SOFTEST, _HARDEST, _FIRST = 100.0, 1e-9, 1e-3
 _HARDER, _SOFTER, _PROXIMAL_ROUNDS = 0.3, 30.0, 60
-"""Compliance of rounds, as a share of that of each row alone, and how it changes. Nine of
-the dense steps above are not solved where rows get no softer than 1; all are from 30 on. Begun at
-1e-6 or 1e-3, one takes 16.0 or 12.8 linear systems (mean)."""
-_WORK = 1e8
-"""Multiplications and additions, thrice as many, after which no other way is begun."""
+_WORK = 1e8  # multiplications and additions, thrice as many, after which no other way is begun
 
 
 @inner

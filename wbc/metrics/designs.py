@@ -47,10 +47,7 @@ class Designs:
 
     @classmethod
     def of(
-        cls,
-        robot: Robot,
-        position: ArrayLike,
-        gears: Mapping[str, ArrayLike] | None = None,
+        cls, robot: Robot, position: ArrayLike, gears: Mapping[str, ArrayLike] | None = None
     ) -> Designs:
         """Return designs from what varies; what is left out stays as in `robot`.
 

@@ -18,8 +18,8 @@ from wbc.arrays import FloatArray
 from wbc.errors import RobotError, require_known
 from wbc.robot.robot import ContactPoint, Robot
 
+# Share of a hull's size by which points may leave one plane: single precision of mesh files.
 _SAME = 1e-7
-"""Share of a hull's size by which points may leave one plane: single precision of mesh files."""
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 """(8, 3) of the box from -1 to 1."""
 
