@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -209,32 +209,29 @@ class DrivenLinks:
             first: number of the first sample of each window (W,), from 0 on.
             starts: (W, 2, n, S) deflections and rates with which the windows begin.
         """
-        from wbc.links.steps import Links, follow_links  # it loads the compiler
-        from wbc.structures import stored
+        from wbc.links.steps import LINKS, follow_links  # it loads the compiler
 
         parts, flanks = self.parts, np.zeros((len(self.gears), 9))
         h = self.step / parts
         for flank, gear, inertia in zip(flanks, self.gears, self.least_inertia, strict=True):
             late = 0.5 if gear.stiffness * h**2 < inertia else 1.0
             flank[:6] = gear.stiffness, gear.damping, 0.5 * gear.play, h, late, late
-        d, v, rubbed = np.zeros((3, *self.load.shape, starts.shape[3]))
-        given = self.inertia, self.drag, self.pull, self.loads, self.speed, self.level, flanks
-        whole, ends = map(np.ascontiguousarray, (*given, first, starts)), np.zeros(starts.shape)
-        links = stored(Links._make((*whole, d, v, rubbed, ends, parts)))
+        names = "inertia", "drag", "pull", "speed", "level"
+        given = {name: getattr(self, name) for name in names}
+        given |= {"load": self.loads, "gears": flanks, "first": first, "starts": starts}
+        whole = {name: np.ascontiguousarray(array) for name, array in given.items()}
+        count, n = self.load.shape
+        sizes = {"N": count, "n": n, "W": len(first), "S": starts.shape[3]}
+        links = LINKS.of(sizes, **whole, parts=parts)
         follow_links(links, self.step, _FARTHEST)
+        v, ends = links.v, links.ends
         reached = np.concatenate([v[1:], v[-1:]])  # where windows end, not where others begin
         reached[first[1:] - 1] = ends[:-1, 1]
-        return self.motions(d, v, reached, rubbed, ends)
+        return self.motions((links.d, v, reached, links.dry, ends))
 
-    def motions(
-        self,
-        d: FloatArray,
-        v: FloatArray,
-        reached: FloatArray,
-        rubbed: FloatArray,
-        ends: FloatArray,
-    ) -> Motions:
-        """Return motions of which all is known but what holds at the samples; see `Motions`."""
+    def motions(self, parts: Iterable[FloatArray]) -> Motions:
+        """Return motions of which d, v, reached, rubbed and ends are known, see `Motions`."""
+        d, v, reached, rubbed, ends = parts
         dry = at_samples(rubbed)
         if self.bounces:
             a = at_samples((reached - v) / self.step)

@@ -268,7 +268,7 @@ class _Shots:
         """Return one of S motions: in each window the one that is chosen there (W,)."""
         each = which[self.window]
         parts = moved.d, moved.v, moved.reached, moved.rubbed, moved.ends
-        return self.links.motions(*map(_chosen, parts, (each, each, each, each, which)))
+        return self.links.motions(map(_chosen, parts, (each, each, each, each, which)))
 
     def around(self, starts: FloatArray) -> _Around:
         """Return how the links move from starts (W, 2, n) and from others close by."""
