@@ -55,8 +55,6 @@ Vector: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 1, "A", rea
 """To read, with any stride."""
 Row: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 1, "C", readonly=True)]
 """To read, without gaps."""
-Matrix: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 2, "A", readonly=True)]
-"""To read, in any order."""
 Dense: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 2, "C", readonly=True)]
 """To read, row by row."""
 Places: TypeAlias = Annotated[IntArray, types.Array(types.int64, 1, "C", readonly=True)]
@@ -69,8 +67,6 @@ OutFlags: TypeAlias = Annotated[BoolArray, types.Array(types.boolean, 1, "A")]
 """To write."""
 OutRow: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 1, "C")]
 """To write, without gaps."""
-OutMatrix: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 2, "A")]
-"""To write."""
 OutDense: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 2, "C")]
 """To write, row by row."""
 OutPlaces: TypeAlias = Annotated[IntArray, types.Array(types.int64, 1, "C")]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Dense, Matrix, OutDense, OutMatrix, Vector, compiled
+from wbc.compiled import Dense, OutDense, Row, compiled
 
 _SHARES = (0.01, 0.05, 0.2)  # of the travel
 
@@ -26,12 +26,13 @@ def bent_along(positions: FloatArray, length: ArrayLike) -> FloatArray:
     Exact where no interval holds a reversal.
     """
     z = np.zeros((len(positions), np.size(length)))
-    _follow(positions.reshape(z.shape), np.ravel(np.asarray(length, dtype=np.float64)), z)
+    rows = np.ascontiguousarray(positions).reshape(z.shape)
+    _follow(rows, np.ravel(np.asarray(length, dtype=np.float64)), z)
     return z.reshape(positions.shape)
 
 
 @compiled
-def _follow(positions: Matrix, length: Vector, bent: OutMatrix) -> None:
+def _follow(positions: Dense, length: Row, bent: OutDense) -> None:
     for i in range(positions.shape[1]):
         z = 0.0
         for k in range(1, len(positions)):
