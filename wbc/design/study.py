@@ -221,9 +221,8 @@ class Study:
         """Return the parameters of designs `start` to before `stop` by column."""
         grids = [np.array(parameter.values) for parameter in self.varied]
         places = np.unravel_index(np.arange(start, stop), [len(grid) for grid in grids])
-        return {
-            p.column: grid[place] for p, grid, place in zip(self.varied, grids, places, strict=True)
-        }
+        columns = zip(self.varied, grids, places, strict=True)
+        return {p.column: grid[place] for p, grid, place in columns}
 
     def designs(self, start: int, stop: int) -> Designs:
         """Return designs `start` to before `stop`.

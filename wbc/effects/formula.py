@@ -251,9 +251,7 @@ class CustomTorque(JointEffect):
     terms: tuple[TorqueTerm, ...]
 
     parameters = ()
-    explanation = (
-        "A formula that fits the logs; it was found by regression and has no cause of its own."
-    )
+    explanation = "A formula that fits the logs: regression found it; it has no cause of its own."
     experiment = (
         "Move only the joints in the formula, one at a time, over a wider range of position and "
         "speed than before, and see whether the formula still holds."

@@ -83,10 +83,9 @@ def _effect(entry: Mapping[str, Any], path: Path) -> Effect:
     if side is not None and side not in SIDES:
         raise RobotError(f"{place}: friction_side '{side}' is none of {', '.join(SIDES)}.")
     for p in effect.parameters:
-        if own.get(p.name) not in (None, p.unit):
-            raise RobotError(
-                f"{place}: {p.name}: unit '{own[p.name]}' stands where [{p.unit}] is expected."
-            )
+        unit = own.get(p.name, p.unit)
+        if unit not in (None, p.unit):
+            raise RobotError(f"{place}: {p.name}: unit '{unit}' stands where [{p.unit}] should.")
     return replace(effect, **given) if given else effect
 
 

@@ -523,9 +523,7 @@ class Effect(ABC):
         Raises:
             EffectError: the effect has a memory and does not say how it goes on.
         """
-        raise EffectError(
-            f"{self.name} has a memory (first_memory) but no next_memory; give it both."
-        )
+        raise EffectError(f"{self.name} has a memory (first_memory) but no next_memory; give both.")
 
     def measured(self, robot: Robot, motion: Motion) -> Motion:
         """Return what the encoders report for the true `motion`."""

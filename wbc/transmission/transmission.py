@@ -34,14 +34,12 @@ class GearNumber(NamedTuple):
     default: float | None
     rules: tuple[_Rule, ...]
 
-    def require(self, values: FloatArray, called: Callable[..., str]) -> None:
-        """Raise TransmissionError where a rule does not hold; `called` names it, by its place."""
+    def require(self, values: FloatArray, name: Callable[..., str]) -> None:
+        """Raise TransmissionError where a rule does not hold of a value; `name` calls it so."""
         for holds, rule in self.rules:
             for k in np.flatnonzero(~holds(values)):
                 place = np.unravel_index(k, values.shape)
-                raise TransmissionError(
-                    f"{called(*place)} is {values[place]:g}; it must be {rule}."
-                )
+                raise TransmissionError(f"{name(*place)} is {values[place]:g}; it must be {rule}.")
 
 
 def _number(unit: str, default: float | None, *rules: _Rule, needed: bool = False) -> Any:

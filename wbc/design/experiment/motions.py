@@ -120,9 +120,8 @@ class LinkDistances:
         joints = [one.parentJoint for one in self.solids.geometryObjects]
         (position,) = _whole(robot, center[None])
         near, parents = self._touching(position, first=False), robot.model.parents
-        for pair, touch in zip(
-            self.solids.collisionPairs.tolist(deep_copy=True), near, strict=True
-        ):
+        pairs = self.solids.collisionPairs.tolist(deep_copy=True)
+        for pair, touch in zip(pairs, near, strict=True):
             a, b = joints[pair.first], joints[pair.second]
             if touch or parents[a] == b or parents[b] == a:
                 self.solids.removeCollisionPair(pair)
@@ -270,9 +269,8 @@ def predicted(
     velocity[:, robot.actuated], acceleration[:, robot.actuated] = course[1:]
     motion = Motion(_whole(robot, course[0]), velocity, acceleration, time)
     found = rivals.predictions(motion)
-    return found, float(
-        max(limits.joint_shares(course).max(), (found.peak() / limits.torque).max())
-    )
+    used = max(limits.joint_shares(course).max(), (found.peak() / limits.torque).max())
+    return found, float(used)
 
 
 def fitted(

@@ -143,9 +143,7 @@ class Rivals:
         keys = [[effect.key for effect in cause] for cause in self.causes]
         same = len(set(map(frozenset, keys))) < len(keys)
         if same or any(len(set(own)) < len(own) for own in keys):
-            raise DesignError(
-                "a cause is given twice; an experiment decides between different ones."
-            )
+            raise DesignError("a cause is given twice; an experiment tells different ones apart.")
         passive = self.robot.passive_joints
         if passive:
             raise DesignError(
@@ -219,9 +217,8 @@ class Predictions:
     def _torque_with(self, cause: Cause, values: FloatArray) -> FloatArray:
         """Return the torque (N, m) [N m] with other numbers (p,) of a cause."""
         rest = map(float, values)
-        return self.torque(
-            tuple(e.with_values({p.name: next(rest) for p in e.parameters}) for e in cause)
-        )
+        changed = (e.with_values({p.name: next(rest) for p in e.parameters}) for e in cause)
+        return self.torque(tuple(changed))
 
     def in_noise(self, torque: FloatArray) -> FloatArray:
         """Return what is read of torques (N, m, ...), in units of the noise."""

@@ -242,9 +242,7 @@ def compare_motions(
 def _require_limits(rivals: Rivals, limits: MotionLimits, duration: float) -> None:
     """Check that something limits motions, and that the motors hold the robot where they start."""
     if not 0.0 < duration < np.inf:
-        raise DesignError(
-            f"the duration of an experiment must be > 0 and finite, got {duration:g}."
-        )
+        raise DesignError(f"an experiment's duration must be > 0 and finite, got {duration:g}.")
     if np.isinf(np.minimum(np.minimum(limits.speed, limits.acceleration), limits.torque)).any():
         raise DesignError(
             "nothing limits how fast the robot moves; give --speed, --acceleration, or motors "

@@ -35,9 +35,7 @@ def tied_causes(table: Mapping[str, Any], robot: Robot) -> tuple[Cause, ...]:
         EffectError: an effect or place that this robot does not have.
     """
     if not isinstance(table.get("effects"), list):
-        raise DesignError(
-            "--between: this JSON is no diagnosis; give what `wbc diagnose --json FILE` wrote."
-        )
+        raise DesignError("--between: no diagnosis; give what `wbc diagnose --json FILE` wrote.")
     own = tuple(map(_effect, table["effects"]))
     if not own:
         raise DesignError(
