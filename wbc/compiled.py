@@ -22,27 +22,12 @@ from inspect import isfunction
 from pathlib import Path
 from tempfile import TemporaryFile
 from types import CodeType
-from typing import (
-    Annotated,
-    Any,
-    ClassVar,
-    TypeAlias,
-    TypeVar,
-    get_args,
-    get_origin,
-    get_type_hints,
-    overload,
-)
+from typing import Annotated, Any, ClassVar, TypeVar, get_args, get_origin, get_type_hints, overload
 
 import numba
 from llvmlite import binding, ir
 from numba import config, types
-from numba.core.caching import (
-    CompileResultCacheImpl,
-    FunctionCache,
-    NullCache,
-    UserWideCacheLocator,
-)
+from numba.core import caching
 from numba.core.cgutils import alloca_once
 from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic
@@ -51,27 +36,27 @@ from numba.np.arrayobj import populate_array
 from wbc.arrays import BoolArray, FloatArray, IntArray
 
 Number, Count, Flag, Nothing = types.float64, types.int64, types.boolean, types.void
-Vector: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 1, "A", readonly=True)]
+Vector = Annotated[FloatArray, types.Array(types.float64, 1, "A", readonly=True)]
 """To read, with any stride."""
-Row: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 1, "C", readonly=True)]
+Row = Annotated[FloatArray, types.Array(types.float64, 1, "C", readonly=True)]
 """To read, without gaps."""
-Dense: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 2, "C", readonly=True)]
+Dense = Annotated[FloatArray, types.Array(types.float64, 2, "C", readonly=True)]
 """To read, row by row."""
-Places: TypeAlias = Annotated[IntArray, types.Array(types.int64, 1, "C", readonly=True)]
+Places = Annotated[IntArray, types.Array(types.int64, 1, "C", readonly=True)]
 """Row numbers to read."""
-Table: TypeAlias = Annotated[IntArray, types.Array(types.int64, 2, "C", readonly=True)]
+Table = Annotated[IntArray, types.Array(types.int64, 2, "C", readonly=True)]
 """Whole numbers to read, row by row."""
-Flags: TypeAlias = Annotated[BoolArray, types.Array(types.boolean, 1, "A", readonly=True)]
+Flags = Annotated[BoolArray, types.Array(types.boolean, 1, "A", readonly=True)]
 """To read."""
-OutFlags: TypeAlias = Annotated[BoolArray, types.Array(types.boolean, 1, "A")]
+OutFlags = Annotated[BoolArray, types.Array(types.boolean, 1, "A")]
 """To write."""
-OutRow: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 1, "C")]
+OutRow = Annotated[FloatArray, types.Array(types.float64, 1, "C")]
 """To write, without gaps."""
-OutDense: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 2, "C")]
+OutDense = Annotated[FloatArray, types.Array(types.float64, 2, "C")]
 """To write, row by row."""
-OutPlaces: TypeAlias = Annotated[IntArray, types.Array(types.int64, 1, "C")]
+OutPlaces = Annotated[IntArray, types.Array(types.int64, 1, "C")]
 """Row numbers to write."""
-OutTable: TypeAlias = Annotated[IntArray, types.Array(types.int64, 2, "C")]
+OutTable = Annotated[IntArray, types.Array(types.int64, 2, "C")]
 """Whole numbers to write, row by row."""
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -273,7 +258,7 @@ class MachineCode(CPUDispatcher):  # type: ignore[misc]
         """
         if not self._can_compile:
             return
-        if isinstance(self._cache, NullCache):
+        if isinstance(self._cache, caching.NullCache):
             _warn_of_compiling()
         late = [one.__name__ for one in _called(self.py_func) if one not in self.calls]
         if late:
@@ -286,7 +271,7 @@ class MachineCode(CPUDispatcher):  # type: ignore[misc]
             super().compile(self._declared)
         except OSError:  # a folder that is full, or cannot be read
             _warn_of_compiling()
-            self._cache = NullCache()
+            self._cache = caching.NullCache()
             super().compile(self._declared)
         finally:
             if collects:
@@ -347,7 +332,7 @@ def _called(function: Callable[..., Any]) -> list[MachineCode]:
     return list(found.values())
 
 
-class _Folder(UserWideCacheLocator):  # type: ignore[misc]
+class _Folder(caching.UserWideCacheLocator):  # type: ignore[misc]
     """A folder in which something is kept of a function already, or where it can be kept."""
 
     def __init__(self, function: Callable[..., Any], file: str, folder: Path) -> None:
@@ -356,7 +341,7 @@ class _Folder(UserWideCacheLocator):  # type: ignore[misc]
     @classmethod
     def from_function(cls, function: Callable[..., Any], file: str) -> _Folder | None:
         """Return the folder for a function of a file; None where there is none."""
-        own = UserWideCacheLocator(function, file).get_cache_path()
+        own = caching.UserWideCacheLocator(function, file).get_cache_path()
         folders = [Path(file).parent / "__pycache__", Path(own)]
         if config.CACHE_DIR:
             folders.insert(0, Path(config.CACHE_DIR))
@@ -370,7 +355,7 @@ class _Folder(UserWideCacheLocator):  # type: ignore[misc]
         return str(self._stamp)
 
 
-class _Files(CompileResultCacheImpl):  # type: ignore[misc]
+class _Files(caching.CompileResultCacheImpl):  # type: ignore[misc]
     """Named by what is in them, so that several versions of a function may lie side by side."""
 
     _locator_classes: ClassVar[list[type]] = [_Folder]
@@ -383,7 +368,7 @@ class _Files(CompileResultCacheImpl):  # type: ignore[misc]
         return self._base
 
 
-class _Kept(FunctionCache):  # type: ignore[misc]
+class _Kept(caching.FunctionCache):  # type: ignore[misc]
     _impl_class = _Files
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:

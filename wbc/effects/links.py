@@ -13,18 +13,8 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray, frozen
 from wbc.errors import EffectError, require_known, unknown_name
-from wbc.robot import (
-    Effect,
-    Evidence,
-    Motion,
-    Parameter,
-    Quantity,
-    Robot,
-    Screen,
-    SearchOffer,
-    number,
-)
-from wbc.robot.effect import small_steps
+from wbc.robot import Effect, Evidence, Motion, Parameter, Robot, Screen, SearchOffer, number
+from wbc.robot.effect import Quantity, small_steps
 
 LOG_CHOLESKY = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")
 """The ten numbers, named as by Rucker and Wensing (2022)."""

@@ -6,19 +6,7 @@ linear and angular about the tree's centre of mass, world axes.
 
 from __future__ import annotations
 
-from wbc.compiled import (
-    Dense,
-    OutDense,
-    OutRow,
-    Places,
-    Row,
-    Table,
-    Vector,
-    compiled,
-    inner,
-    local,
-    view,
-)
+from wbc.compiled import Dense, OutDense, OutRow, Places, Row, Table, compiled, inner, local, view
 from wbc.mechanics.kinematics import FIRST, JOINT, ROWS, Tree, placed_at, product
 from wbc.mechanics.linear import add_cross, add_times, copy_to, dot, factor_inertia, solve_inertia
 
@@ -83,7 +71,7 @@ def inertia_at(rows: Table, composite: Dense, columns: Dense, inertia: OutDense)
 
 
 @inner
-def motion_at(joints: Table, columns: Dense, v: Vector, motion: OutDense) -> None:
+def motion_at(joints: Table, columns: Dense, v: Row, motion: OutDense) -> None:
     """Write the spatial velocity (n, 6) of each body at v (nv,): V_i = V_parent + S_i v_i."""
     for i in range(len(joints)):
         parent = joints[i, 0]
@@ -100,7 +88,7 @@ def move_bodies(
     gravity: Row,
     columns: Dense,
     bodies: Dense,
-    v: Vector,
+    v: Row,
     motion: OutDense,
     drift: OutDense,
     force: OutDense,
