@@ -1,7 +1,6 @@
 """One small final class per physical effect, shared by controller, simulator and logs."""
 
 from wbc.effects.catalogue import EFFECTS as EFFECTS, effect_class as effect_class
-from wbc.effects.contacts import ContactRadius as ContactRadius, ForceSensorGain as ForceSensorGain
 from wbc.effects.drive import (
     ActuationDelay as ActuationDelay,
     CurrentLimit as CurrentLimit,
@@ -39,4 +38,8 @@ from wbc.effects.links import (
 from wbc.effects.position_torques import JointSpring as JointSpring, TorqueRipple as TorqueRipple
 from wbc.effects.presliding import LoadPresliding as LoadPresliding, Presliding as Presliding
 from wbc.effects.saved import load_robot as load_robot, save_robot as save_robot
-from wbc.effects.sensing import PositionOffset as PositionOffset
+from wbc.effects.sensing import (
+    ContactRadius as ContactRadius,
+    ForceSensorGain as ForceSensorGain,
+    PositionOffset as PositionOffset,
+)

@@ -4,21 +4,12 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from wbc.effects import (
-    contacts,
-    drive,
-    formula,
-    friction,
-    gear_losses,
-    links,
-    position_torques,
-    presliding,
-    sensing,
-)
+from wbc.effects import drive, friction, gear_losses, links, position_torques, presliding, sensing
+from wbc.effects.formula import CustomTorque
 from wbc.errors import EffectError, require_known
 from wbc.robot import Effect
 
-_FILES = (friction, presliding, gear_losses, drive, links, position_torques, contacts, sensing)
+_FILES = (friction, presliding, gear_losses, drive, links, position_torques, sensing)
 
 EFFECTS: MappingProxyType[str, type[Effect]] = MappingProxyType(
     {
@@ -39,6 +30,6 @@ def effect_class(name: str) -> type[Effect]:
         EffectError: no such effect; the message lists those there are.
     """
     # A formula is no cause that a diagnosis could consider, but files and robots hold it.
-    known: dict[str, type[Effect]] = {**EFFECTS, formula.CustomTorque.name: formula.CustomTorque}
+    known: dict[str, type[Effect]] = {**EFFECTS, CustomTorque.name: CustomTorque}
     require_known(EffectError, "effect", name, known)
     return known[name]
