@@ -10,7 +10,7 @@ may be called from compiled functions:
     fill_joint_torques(table.joints, table.numbers, q, v, smooth, dry)
     fill_delivered(table.drives, command, rotor)    # a simulator: what the drives give
     fill_commands(table.drives, rotor, command)     # a controller: what to ask them for
-    fill_efficiencies(table.gears, turning, forward, backward, now_forward, now_backward)
+    fill_efficiencies(table.gears, speed, forward, backward, now_forward, now_backward)
 
 What is left acts by its hooks, `left_for_hooks(robot)`: one effect per kind, with all its places.
 Their smooth torques and levels add to the table's. A command goes through their `drive` hooks in
@@ -269,18 +269,13 @@ def fill_commands(drives: Dense, rotor: Row, command: OutRow) -> None:
 
 @compiled(counted=False)
 def fill_efficiencies(
-    gears: Dense,
-    turning: Row,
-    forward: Row,
-    backward: Row,
-    now_forward: OutRow,
-    now_backward: OutRow,
+    gears: Dense, speed: Row, forward: Row, backward: Row, now_forward: OutRow, now_backward: OutRow
 ) -> None:
     """Write eta_f and eta_b (m,) at the speeds psi_dot (m,) [rad/s] of the gears' outputs.
 
     `gears` are of the `EffectTable`, `forward` and `backward` of the transmission.
     """
     for i in range(len(gears)):
-        share = near_rest(turning[i], gears[i, COEFFICIENT], gears[i, SPEED])
+        share = near_rest(speed[i], gears[i, COEFFICIENT], gears[i, SPEED])
         now_forward[i] = forward[i] * (1.0 - share)
         now_backward[i] = backward[i] / (1.0 + share)
