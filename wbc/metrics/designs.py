@@ -70,8 +70,7 @@ class Designs:
             wide = np.repeat(array[:, None], m, axis=1) if array.ndim == 1 else array
             if wide.ndim != 2 or wide.shape[1] != m or np.isnan(wide).any():
                 raise DynamicsError(
-                    f"{name} has shape {array.shape}; give (k,) or (k, {m}) numbers, none of them "
-                    "NaN."
+                    f"{name} has shape {array.shape}; give (k,) or (k, {m}) numbers, none NaN."
                 )
             full[name] = frozen(wide)
         if "forward_efficiency" in given and "backward_efficiency" not in given:

@@ -193,8 +193,7 @@ def _of_mjcf(root: ET.Element) -> list[str]:
     ]
     if ranges:
         notes.append(
-            f"ctrlrange ({', '.join(ranges)}) was left out; give torque_limit of the gears in "
-            "robot.toml."
+            f"ctrlrange ({', '.join(ranges)}) was left out; give torque_limit in robot.toml."
         )
     keys = [key.get("name", "without a name") for key in root.iterfind(".//keyframe/*")]
     if keys:
