@@ -155,7 +155,7 @@ class GearModel:
         """Return the torque of effects on the coordinates (nv,), dry friction left out."""
         state = np.ascontiguousarray(motion.position), np.ascontiguousarray(motion.velocity)
         smooth, dry = np.empty_like(self.memory.bias), np.empty_like(self.memory.bias)
-        tables.fill_joint_torques(self._table.joints, self._table.numbers, *state, smooth, dry)
+        tables.fill_torques(self._table.joints, self._table.numbers, *state, smooth, dry)
         return np.asarray(smooth + self._exerted(motion)[0] if self._pushed else smooth)
 
     def _take_limits(

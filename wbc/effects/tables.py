@@ -7,7 +7,7 @@ makes its table once and hands the arrays to the functions below; they take no P
 may be called from compiled functions:
 
     table = effect_table(robot)
-    fill_joint_torques(table.joints, table.numbers, q, v, smooth, dry)
+    fill_torques(table.joints, table.numbers, q, v, smooth, dry)
     fill_delivered(table.drives, command, rotor)    # a simulator: what the drives give
     fill_commands(table.drives, rotor, command)     # a controller: what to ask them for
     fill_efficiencies(table.gears, speed, forward, backward, now_forward, now_backward)
@@ -221,7 +221,7 @@ near_rest: Any = compiled(Number, Number, Number, Number)(stribeck)
 
 
 @compiled(counted=False)
-def fill_joint_torques(
+def fill_torques(
     joints: Table, numbers: Dense, position: Row, velocity: Row, smooth: OutRow, dry: OutRow
 ) -> None:
     """Write what effects at joints do: smooth torque, and level >= 0 of dry friction, (nv,) [N m].

@@ -13,13 +13,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray, Ranged, must
 from wbc.compiled import Dense, OutDense, OutPlaces, OutTable, Row, compiled, local, make_ready
-from wbc.effects.tables import (
-    effect_table,
-    fill_delivered,
-    fill_joint_torques,
-    left_for_hooks,
-    near_rest,
-)
+from wbc.effects.tables import effect_table, fill_delivered, fill_torques, left_for_hooks, near_rest
 from wbc.errors import LogError, RobotError
 from wbc.measurement import Log, Machine
 from wbc.mechanics.laws import meeting_speed
@@ -174,7 +168,7 @@ def next_speed(
     command, rotor = local(1), local(1)
     at[0], speed[0], command[0] = q, v, torque
     numbers = servos.effects[kind * count : (kind + 1) * count]
-    fill_joint_torques(servos.joints, numbers, at, speed, smooth, dry)
+    fill_torques(servos.joints, numbers, at, speed, smooth, dry)
     fill_delivered(servos.drives[kind : kind + 1], command, rotor)
     copy_to(servos.laws[kind], law)
     share = near_rest(v, servos.gears[kind, 0], servos.gears[kind, 1])

@@ -12,7 +12,7 @@ from math import sqrt
 from wbc.compiled import OutRow, Places, Row, compiled, inner, view
 from wbc.control.memory import BLEND, COUNT, GEAR, NUMBER, PART, ProgramMemory
 from wbc.control.qp.solvers import INFINITE
-from wbc.effects.tables import fill_commands, fill_joint_torques
+from wbc.effects.tables import fill_commands, fill_torques
 from wbc.mechanics.linear import add_times, copy_to, dot
 
 
@@ -28,7 +28,7 @@ def place_loads(program: ProgramMemory) -> None:
     blend, driven, bias, nv = gears.blend, gears.driven, gears.bias, len(velocity)
     trusted, full, rate = blend[BLEND.trusted], blend[BLEND.full_speed], blend[BLEND.observes]
     kept, smooth, dry = 1.0 - min(blend[BLEND.correction] * dt, 1.0), gears.smooth, gears.rubs
-    fill_joint_torques(gears.laws, gears.numbers, program.position, velocity, smooth, dry)
+    fill_torques(gears.laws, gears.numbers, program.position, velocity, smooth, dry)
     for i in range(nv):
         corrected[i] = velocity[i]
         corrected[i] -= kept * min(max(velocity[i] - expected[i], -trusted), trusted)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Row, inner
-from wbc.effects.tables import fill_delivered, fill_joint_torques, near_rest
+from wbc.effects.tables import fill_delivered, fill_torques, near_rest
 from wbc.mechanics.inertia import move_bodies, part_on_joints
 from wbc.mechanics.kinematics import JOINT
 from wbc.mechanics.laws import DAMPING, END, STIFFNESS, begin_flank, own_speed
@@ -250,7 +250,7 @@ def rows_of(plant: Opened, step: float) -> PartRows:
     """
     gears, forces, end, before, rubbing = plant.gears, plant.forces, plant.end, plant.now.closed, 0
     dry, row, soft, asked = forces.friction, len(gears.rows), plant.bounds[HERTZ] > 0.0, False
-    fill_joint_torques(forces.joints, forces.numbers, end.before, end.speed, end.force, dry)
+    fill_torques(forces.joints, forces.numbers, end.before, end.speed, end.force, dry)
     fill_delivered(forces.drives, forces.command, end.torque)
     add_times(1.0, forces.external, end.force)
     add_times(1.0, forces.outer, end.force)
