@@ -270,10 +270,10 @@ def small_steps(
     return (Screen(units, combine),) if units else ()
 
 
-def usual_cost(effect: Effect) -> float:
+def usual_cost(effect: Effect, *seen: object) -> float:
     """Return what the numbers of an effect cost that no machine is likely to have [nats].
 
-    The sum over the parameters of what is `usual`.
+    The sum over the parameters of what is `usual`, whatever the robot and its motions.
     """
     values = effect.values
     return sum(p.usual.cost(values[p.name]) for p in effect.parameters if p.usual is not None)
@@ -327,9 +327,7 @@ class SearchOffer:
     otherwise: type[Effect] | None = None
     screens: Callable[[Any, Robot, str, Evidence], tuple[Screen, ...]] = small_steps
     recognisable: Callable[[Any, Robot, Sequence[Motion]], bool] = lambda effect, robot, seen: True
-    implausibility: Callable[[Any, Robot, Sequence[Motion]], float] = lambda effect, robot, seen: (
-        usual_cost(effect)
-    )
+    implausibility: Callable[[Any, Robot, Sequence[Motion]], float] = usual_cost
     tolerated: Callable[[Any, Robot, float], float] = lambda effect, robot, step: np.inf
     departures: Callable[[Any], FloatArray] = lambda effect: _NONE
     freedom: Callable[[Any], float] = lambda effect: len(effect.parameters)
