@@ -101,14 +101,13 @@ def efficiency(
         TransmissionError: backward through a self-locking gear, which has no finite 1/eta_b.
     """
     mode = np.asarray(directions, dtype=np.float64)
-    backward = np.broadcast_to(np.asarray(backward_efficiency, dtype=np.float64), mode.shape)
+    backward = np.asarray(backward_efficiency, dtype=np.float64)
     if np.any((mode < 0) & (backward <= 0.0)):
         raise TransmissionError(
             "backward efficiency <= 0: this gear is self-locking and is never driven backward."
         )
     inverse = 1.0 / np.where(backward > 0.0, backward, 1.0)
-    forward = np.broadcast_to(np.asarray(forward_efficiency, dtype=np.float64), mode.shape)
-    return np.asarray(np.where(mode > 0, forward, np.where(mode < 0, inverse, 1.0)))
+    return np.asarray(np.where(mode > 0, forward_efficiency, np.where(mode < 0, inverse, 1.0)))
 
 
 def stribeck(v: FloatArray, level: float | FloatArray, speed: float | FloatArray) -> FloatArray:
