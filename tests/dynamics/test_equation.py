@@ -35,7 +35,7 @@ def whole_solution(
     gears, nv, m = robot.transmission, robot.model.nv, robot.transmission.size
     model = redundant_model(robot, evaluate(robot, q, v))
     # The constraint's velocity is A ds = dq_m - D R dphi.
-    a_matrix = np.hstack([np.eye(nv)[robot.actuated], -gears.topology / gears.gear_ratio])
+    a_matrix = np.hstack([np.eye(nv)[robot.actuated], -gears.topology @ gears.reduction])
     speed = gears.motor_from_joint @ v[robot.actuated]
     kappa_f = 1.0 / gears.forward_efficiency - 1.0
     kappa_b = 1.0 - gears.backward_efficiency

@@ -32,15 +32,14 @@ def test_the_backward_efficiency_follows_the_wedge_unless_given() -> None:
 
 def test_maps_of_a_parallelogram() -> None:
     legs, rotor_speed = gears(topology=PARALLELOGRAM), np.array([40.0, 30.0])
-    joint_speed = legs.joints_from_rotors(rotor_speed)
+    joint_speed = legs.topology @ legs.reduction @ rotor_speed
     # The shin's absolute angle follows the second motor: q_hip + q_knee = psi_2.
     np.testing.assert_allclose(joint_speed, [2.0, 1.0])
     np.testing.assert_allclose(legs.motor_from_joint @ joint_speed, rotor_speed / [20.0, 10.0])
     torque = np.array([0.3, -0.7])
     # Duality: the same power on either side of perfect gears.
     assert joint_speed @ (legs.distribution @ torque) == pytest.approx(rotor_speed @ torque)
-    reduction = np.diag(1.0 / legs.gear_ratio)
-    np.testing.assert_allclose(legs.distribution, np.linalg.inv(PARALLELOGRAM @ reduction).T)
+    np.testing.assert_allclose(legs.distribution, np.linalg.inv(PARALLELOGRAM @ legs.reduction).T)
     np.testing.assert_allclose(legs.reflected_inertia, [0.04, 0.02])
 
 
@@ -81,7 +80,7 @@ def test_arrays_are_read_only_and_unshared() -> None:
     legs = gears(gear_ratio=ratio)
     ratio[0] = 1.0
     assert legs.gear_ratio[0] == 20.0
-    for array in (legs.gear_ratio, legs.distribution, legs.motor_from_joint):
+    for array in (legs.gear_ratio, legs.distribution, legs.motor_from_joint, legs.reduction):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0.0
 

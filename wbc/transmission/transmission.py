@@ -175,6 +175,11 @@ class Transmission(Remade):
         return frozen(self.resistance / self.torque_constant**2)
 
     @cached_property
+    def reduction(self) -> FloatArray:
+        """R = diag(1/N), (m, m): dpsi = R dphi."""
+        return frozen(np.diag(1.0 / self.gear_ratio))
+
+    @cached_property
     def distribution(self) -> FloatArray:
         """B = (D R)^-T, (m, m): joint torque = B E_m tau_phi in quasi-statics."""
         return frozen(np.linalg.solve(self.topology.T, np.diag(self.gear_ratio)))
