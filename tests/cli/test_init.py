@@ -15,7 +15,7 @@ from tests.conftest import Told
 from tests.outside import ROOT, outside
 from wbc import load_robot
 from wbc.cli import main
-from wbc.identification.readings.first_guess import guess_ratios
+from wbc.identification.readings.first_guess import guess_names
 from wbc.measurement import load_log, save_log
 from wbc.samples import sample_logs
 
@@ -106,12 +106,12 @@ def test_a_ratio_is_guessed_where_a_log_holds_both_sides_of_a_gear(
     model, joint = tmp_path / "pendulum.urdf", "pivot"
     model.write_text(PENDULUM)
     run = bench_log(tmp_path / "plain.parquet")
-    assert guess_ratios(run, [joint]) == {}
+    assert guess_names(run, [joint]).ratios == {}
     rate = pq.read_table(run)["swing_vel"].to_numpy()
     noise = 0.02 * np.random.default_rng(0).standard_normal(len(rate))
     both = {"swing_vel": rate + noise, "motor_swing_vel": -50.0 * rate + noise}
     run = bench_log(tmp_path / "run.parquet", **both)
-    ratio, _ = guess_ratios(run, [joint])[joint]
+    ratio, _ = guess_names(run, [joint]).ratios[joint]
     assert ratio == pytest.approx(50.0, rel=2e-3)
     assert "gear_ratio" in told("init", model, run, "--out", tmp_path)
     text = (tmp_path / "robot.toml").read_text()
@@ -133,7 +133,7 @@ def test_a_ratio_is_guessed_where_a_log_holds_both_sides_of_a_gear(
 def test_what_tells_no_ratio_gives_none(name: str, factor: float, why: str, tmp_path: Path) -> None:
     rate = pq.read_table(bench_log(tmp_path / "a.parquet"))["swing_vel"].to_numpy()
     run = bench_log(tmp_path / "b.parquet", **{name: factor * rate})
-    assert guess_ratios(run, ["swing", "lift"]) == {}, why
+    assert guess_names(run, ["swing", "lift"]).ratios == {}, why
 
 
 def test_an_mjcf_model_gives_its_armature(told: Told, tmp_path: Path) -> None:

@@ -121,7 +121,7 @@ def run_init(options: Options, console: Console) -> Outcome:
     start = first_guess.guess_names(first, joints, known)
     if robot is None:
         driven, targets, held = _drives(start, joints, say)
-        ratios = first_guess.guess_ratios(first, driven, known)
+        ratios = start.ratios
         _describe(options, description, driven, say, targets=targets, held=held, ratios=ratios)
         if held:
             locked = "holds them at zero; if they moved, record their positions"

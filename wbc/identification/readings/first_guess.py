@@ -63,6 +63,7 @@ class MapGuess:
         driven: joints of the robot with a column of torque or current.
         targets: joints with a column of target positions and none of torque.
         unseen: joints without a column of positions; of velocities where no joint has positions.
+        ratios: gear ratios that motion on both sides of a gear tells.
         told: how well the rows tell the columns of each joint, see `told_by_rows`.
         lacking: what the logs lack that a diagnosis needs, and columns that are refused.
     """
@@ -72,6 +73,7 @@ class MapGuess:
     driven: tuple[str, ...]
     targets: tuple[str, ...] = ()
     unseen: tuple[str, ...] = ()
+    ratios: Mapping[str, Ratio] = field(default_factory=dict)
     told: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     lacking: tuple[LogFinding, ...] = ()
 
@@ -91,7 +93,8 @@ def guess_names(
         LogError: a file that cannot be read, without anything like a position or velocity, or whose
             clock lost its digits.
     """
-    given, table = dict(start or {}), guess_table(path, start)
+    given = dict(start or {})
+    table = open_table(split_path(path)[0], parse_column_map({"rows": given.get("rows", {})}).rows)
     # What the motor does comes last: where the joint's own motion is there, too, it counts.
     guesses = sorted(guess_names_of(table.names), key=lambda g: g.rotor and g.quantity in MOTION)
     # A motor on a test bench is often recorded by its speed alone.
@@ -129,7 +132,8 @@ def guess_names(
     if passive := ", ".join(j for j in held if driven and j not in (*driven, *followed)):
         reasons.append(f"{passive}: no torque or current, so taken for without a drive")
     unseen = tuple(joint for joint in joints if (place or "position") not in held.get(joint, ()))
-    return MapGuess(mapped, tuple(reasons), driven, followed, unseen)
+    ratios = _ratios(table, read, whose)
+    return MapGuess(mapped, tuple(reasons), driven, followed, unseen, ratios)
 
 
 def _joints(
@@ -160,10 +164,40 @@ def _counted(name: str) -> str:
     return next(iter(re.findall(r"\d+", name)[::-1]), "")
 
 
-def guess_table(path: str | Path, start: Mapping[str, Any] | None) -> Table:
-    """Return the file that a guess is made of, with what a map says of its rows."""
-    rows = parse_column_map({"rows": (start or {}).get("rows", {})}).rows
-    return open_table(split_path(path)[0], rows)
+def _ratios(
+    table: Table, guesses: Sequence[NameGuess], whose: Mapping[str, str]
+) -> dict[str, Ratio]:
+    """Return the gear ratios of those joints whose motion a file holds on both sides of the gear.
+
+    Names say which column is the motor's (`knee_motor_vel` beside `knee_vel`). Nothing is said
+    where only one of the two names its unit: then the ratio may be a matter of units.
+
+    Args:
+        table: the file.
+        guesses: of its columns that hold numbers.
+        whose: owner -> joint.
+    """
+    moving = [g for g in guesses if g.quantity in MOTION and g.owner in whose]
+    own = {(g.owner, g.quantity): g for g in moving if not g.rotor}
+    found: dict[str, Ratio] = {}
+    motors = sorted((g for g in moving if g.rotor), key=lambda g: g.quantity, reverse=True)
+    for rotor in motors:  # by velocities first
+        joint, name = own.get((rotor.owner, rotor.quantity)), whose[rotor.owner]
+        if not joint or name in found or bool(rotor.unit) != bool(joint.unit):
+            continue
+        worth = [LOG_UNITS[g.unit or "1"][1] for g in (joint, rotor)]
+        both = np.stack([table.numbers(joint.name), table.numbers(rotor.name)])
+        both = both[:, np.isfinite(both).all(axis=0)] * np.array(worth)[:, None]
+        if both.shape[1] < 3:
+            continue
+        (turned, shared), (_, driven) = np.cov(both)
+        # Play, flexible gears and noise leave little of the motor's motion. The ratio is read from
+        # the motor, whose encoder turns further and whose noise counts the least.
+        if shared and shared**2 >= (1.0 - _OTHERWISE) * turned * driven:
+            ratio = float(f"{abs(driven / shared):.4g}")
+            if abs(ratio - 1.0) > _DIRECT:
+                found[name] = ratio, f"from the rows: '{rotor.name}' over '{joint.name}' in the log"
+    return found
 
 
 def _clock(table: Table) -> dict[str, Any]:
@@ -327,42 +361,4 @@ def _stated(path: Path) -> Mapping[str, tuple[float, float | None]]:
     for joint in root.iter("joint"):
         if (name := joint.get("name")) and (own := joint.get("armature")):
             found[name] = (1.0, float(own))
-    return found
-
-
-def guess_ratios(
-    path: str | Path, joints: Sequence[str], start: Mapping[str, Any] | None = None
-) -> Mapping[str, Ratio]:
-    """Return the gear ratios of those joints whose motion a log holds on both sides of the gear.
-
-    Names say which column is the motor's (`knee_motor_vel` beside `knee_vel`). Nothing is said
-    where only one of the two names its unit: then the ratio may be a matter of units.
-
-    Args:
-        path: a log.
-        joints: of the robot, with one degree of freedom.
-        start: a column map that the user gives.
-    """
-    table = guess_table(path, start or {})
-    guesses = [g for g in guess_names_of(table.names) if g.quantity in MOTION]
-    own = {(g.owner, g.quantity): g for g in guesses if not g.rotor}
-    named = joints_of(list(dict.fromkeys(owner for owner, _ in own)), joints)
-    found: dict[str, Ratio] = {}
-    motors = sorted((g for g in guesses if g.rotor), key=lambda g: g.quantity, reverse=True)
-    for rotor in motors:  # by velocities first
-        joint, (name, _) = own.get((rotor.owner, rotor.quantity)), named.get(rotor.owner, ("", ""))
-        if not joint or not name or name in found or bool(rotor.unit) != bool(joint.unit):
-            continue
-        worth = [LOG_UNITS[g.unit or "1"][1] for g in (joint, rotor)]
-        both = np.stack([table.numbers(joint.name), table.numbers(rotor.name)])
-        both = both[:, np.isfinite(both).all(axis=0)] * np.array(worth)[:, None]
-        if both.shape[1] < 3:
-            continue
-        (turned, shared), (_, driven) = np.cov(both)
-        # Play, flexible gears and noise leave little of the motor's motion. The ratio is read from
-        # the motor, whose encoder turns further and whose noise counts the least.
-        if shared and shared**2 >= (1.0 - _OTHERWISE) * turned * driven:
-            ratio = float(f"{abs(driven / shared):.4g}")
-            if abs(ratio - 1.0) > _DIRECT:
-                found[name] = ratio, f"from the rows: '{rotor.name}' over '{joint.name}' in the log"
     return found
