@@ -82,7 +82,7 @@ def test_finds_resistance_friction_and_sag() -> None:
 
 def test_says_that_a_number_ended_on_its_bound() -> None:
     runs = [plant(4.0, 0.0, 0.0, 0.8)]
-    fit = fit_servo(build, {**SPANS, "sag": Span(0.5, 1.0, 5.0)}, runs, STEP, iterations=30)
+    fit = fit_servo(build, {**SPANS, "sag": Span(0.5, 1.0, 5.0)}, runs, STEP)
     assert "sag" in fit.at_bound
     with pytest.raises(IdentificationError, match="at least one"):
         fit_servo(build, {}, [], STEP)

@@ -96,11 +96,30 @@ def prepared_with_times(
     chosen = [free for free in several if has[:, free].any(axis=0).all()]
     ways = [[free for free in chosen if (_LATE in free) == late] for late in (False, True)]
     known, loaded = _acting(robot, found)
-    ends = [_repeated(robot, logs, records, has, way, known, loaded) for way in ways]
+
+    def repeated(
+        robot: Robot, records: tuple[Record, ...], way: Sequence[Sequence[int]], loaded: list[int]
+    ) -> tuple[float, Robot, tuple[Record, ...], bool]:
+        """Return the cost of times [nats], the robot with them, its records, and if they repeat."""
+        times = np.zeros(_TIMES)
+        for _ in range(_LINEARISED):
+            before = times
+            squares, _ = _normal_equations(records, followed, loaded, known)
+            cost, times = _cheapest(*squares, way)
+            target, seen, lag = np.where(has, times, np.nan).T
+            each = target + seen, seen, lag
+            robot = robot.with_drive_times(dict(zip(DRIVE_TIMES, each, strict=True)))
+            step = np.max(np.abs(times - before)) / np.max(times) if times.any() else 0.0
+            if step <= _REPEATS:
+                break
+            records = prepare(robot.without_effects().lossless(), logs)
+        return cost, robot, records, bool(step <= MISSED)
+
+    ends = [repeated(robot, records, way, loaded) for way in ways]
     (_, robot, records, settled), way = min(zip(ends, ways, strict=True), key=lambda end: end[0][0])
     if found or not (loaded := _loaded(records, followed, way)):
         return robot, records, settled
-    return _repeated(robot, logs, records, has, way, known, loaded)[1:]
+    return repeated(robot, records, way, loaded)[1:]
 
 
 def _acting(robot: Robot, found: Sequence[Effect]) -> tuple[list[Effect], list[int]]:
@@ -139,40 +158,6 @@ def differing_times(
     before, after = _times_of(robot), _times_of(other)
     moved = np.max(np.abs(after - before)) > MISSED * np.max(before)
     return (other, records) if settled and moved else None
-
-
-def _repeated(
-    robot: Robot,
-    logs: Sequence[Log],
-    records: tuple[Record, ...],
-    has: BoolArray,
-    chosen: Sequence[Sequence[int]],
-    known: Sequence[Effect],
-    loaded: Sequence[int],
-) -> tuple[float, Robot, tuple[Record, ...], bool]:
-    """Return the cost of times [nats], the robot with them, its records, and if they repeat.
-
-    Args:
-        robot, logs: as above.
-        records: of the robot as it is.
-        has: (m, 3) which drives have which times.
-        chosen: the sets of times that may be other than zero.
-        known: causes that act.
-        loaded: links that are not as drawn.
-    """
-    times, followed = np.zeros(_TIMES), np.any(has, axis=1)
-    for _ in range(_LINEARISED):
-        before = times
-        squares, _ = _normal_equations(records, followed, loaded, known)
-        cost, times = _cheapest(*squares, chosen)
-        target, seen, lag = np.where(has, times, np.nan).T
-        each = target + seen, seen, lag
-        robot = robot.with_drive_times(dict(zip(DRIVE_TIMES, each, strict=True)))
-        step = np.max(np.abs(times - before)) / np.max(times) if times.any() else 0.0
-        if step <= _REPEATS:
-            break
-        records = prepare(robot.without_effects().lossless(), logs)
-    return cost, robot, records, bool(step <= MISSED)
 
 
 def _loaded(

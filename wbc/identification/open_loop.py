@@ -62,8 +62,7 @@ class SimulatedLog:
 
         own = robot if log.machine is None else log.machine.of(robot)
         gears = own.transmission
-        names = [contact.name for contact in own.contacts]
-        unknown = [name for name in names if name not in log.contacts]
+        unknown = [point.name for point in own.contacts if point.name not in log.contacts]
         if unknown and (own.floating_size or record.active):
             raise LogError(
                 f"{log.source.label}: the forces at {', '.join(unknown)} were not recorded, and "

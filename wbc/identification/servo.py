@@ -53,7 +53,7 @@ _SOFT = 0.03  # [rad] error from which on it counts linearly: a missed stick is 
 _EVERY = 4  # rows of a rollout between two residuals of the fit
 _STEP = 1e-3  # [s]; with 5 ms the dry friction of a simulated servo comes out 12 % low, not 3 %
 _FOLDS = 6
-_ITERATIONS = 25
+_ITERATIONS = 25  # of one fit, at most
 _HOLD = 0.1  # [rad] of one residual that doubling a number costs which the runs leave open
 _NUDGE = 1e-3  # of a number, in scales: small beside a fit's own uncertainty
 _ENOUGH = 3e-5  # relative fall of the cost with which a fit ends
@@ -248,7 +248,7 @@ def fit_rollouts(
         own = {number: spans[number] for number in numbers}
         # Each model starts from the usual numbers, and from those that the smaller one ended at.
         starts = [{}, *(model.fit.values for model in found[-1:])]
-        fits = fit_servos(build, own, runs, _STEP, subsets, starts, _ITERATIONS, _HOLD)
+        fits = fit_servos(build, own, runs, _STEP, subsets, starts, _HOLD)
         held = zip(fits[1:], folds, strict=True)
         errors = [np.mean(fit.error([runs[k] for k in out], _STEP)) for fit, out in held]
         seen = float(np.mean(fits[0].error(runs, _STEP)))
@@ -322,7 +322,6 @@ def fit_servos(
     step: float,
     subsets: Sequence[Sequence[int]],
     starts: Sequence[Mapping[str, float]] = ({},),
-    iterations: int = 40,
     hold: float = 0.0,
 ) -> list[ServoFit]:
     """Return one fit for each subset of the runs.
@@ -337,7 +336,6 @@ def fit_servos(
         step: time step of the runs [s].
         subsets: rows of `runs` that each fit sees.
         starts: overrides of the starts; the best fit of all is returned.
-        iterations: of one fit, at most.
         hold: how strongly each number is held to its start in `spans`: doubling it costs as much as
             a single residual of hold [rad]. It only decides what the runs leave open (friction
             against back-EMF, say).
@@ -379,7 +377,7 @@ def fit_servos(
                 loss="soft_l1",
                 f_scale=_SOFT,
                 ftol=_ENOUGH,
-                max_nfev=iterations,
+                max_nfev=_ITERATIONS,
                 args=([runs[k] for k in subset],),
             )
             for start in starts
