@@ -101,8 +101,7 @@ def without_copies(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
 
 def check_robot(log: Log, robot: Robot) -> list[LogFinding]:
     """Return findings about what a robot has and a log lacks."""
-    unknown = _unknown_joints(log, robot)
-    if unknown is not None:
+    if unknown := _unknown_joints(log, robot):
         return [unknown]
     return [*_without_base(log, robot), *_without_torque(log, robot), *_with_holes(log, robot)]
 
@@ -148,8 +147,8 @@ def check_ranges(log: Log, robot: Robot | None = None) -> Iterator[LogFinding]:
             yield LogFinding("warning", "range", name, text, way, mend)
 
 
-def _with_holes(log: Log, robot: Robot) -> list[LogFinding]:
-    """Return what to do about channels that the robot needs and that hold NaN."""
+def _with_holes(log: Log, robot: Robot) -> Iterator[LogFinding]:
+    """Yield what to do about channels that the robot needs and that hold NaN."""
     needed = [f"{joint}.position" for joint in robot.single_joints]
     for joint in robot.transmission.joints:
         quantities = ("joint_torque",) if joint in robot.sensor_only else _TORQUES
@@ -157,13 +156,13 @@ def _with_holes(log: Log, robot: Robot) -> list[LogFinding]:
         needed += [] if any(map(log.has, names)) else [*names, f"{joint}.target_position"]
     held = {name: log.source.holes[name] for name in needed if name in log.source.unusable}
     if not held:
-        return []
+        return
     mend: Mend = {"columns": {name: {"missing": way} for name, way in held.items()}}
     first, verb = next(iter(held)), "is" if len(held) == 1 else "are"
     rows = log.source.unusable[first].partition(". ")[0]
     way = say_so(mend, f"To {'bridge' if 'bridge' in held.values() else 'drop'} these rows, say so")
     text = f"{', '.join(held)} {verb} needed, and {rows}."
-    return [LogFinding("error", "missing", first, text, way, mend)]
+    yield LogFinding("error", "missing", first, text, way, mend)
 
 
 def _unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
@@ -305,11 +304,7 @@ class LogQuality:
 
     def __str__(self) -> str:
         """Return a few lines for people."""
-        head = (
-            f"{self.label}: {self.rows} rows, {self.duration:.3f} s, {self.rate:.1f} Hz, jitter "
-            f"{100.0 * self.jitter:.1f} %, longest gap {1e3 * self.longest_gap:.1f} ms"
-        )
-        return "\n".join([head, *(f"  {finding}" for finding in self.findings)])
+        return "\n".join([str(clock_rows([self])), *(f"  {finding}" for finding in self.findings)])
 
 
 def clock_rows(qualities: Sequence[LogQuality]) -> TextTable:

@@ -101,7 +101,7 @@ class LogRows:
 
     def need(
         self,
-        order: IntArray | None = None,
+        order: IntArray | slice = slice(None),
         factor: FloatArray | float = 1.0,
         offset: FloatArray | float = 0.0,
         weight: float = 1.0,
@@ -109,7 +109,7 @@ class LogRows:
         """Return what the motion needs if the single joints' columns are read differently.
 
         Args:
-            order: (n,) single joint i has the column of single joint order[i], None its own ...
+            order: (n,) single joint i has the column of single joint order[i] ...
             factor: (n,) ... times this ...
             offset: (n,) ... and this added to the positions.
             weight: share of gravity that is part of the need.
@@ -118,7 +118,6 @@ class LogRows:
         q, v, a = map(np.array, (given.position, given.velocity, given.acceleration))
         at = np.array([robot.position_index(name) for name in robot.single_joints], dtype=np.int_)
         to = np.array([robot.velocity_index(name) for name in robot.single_joints], dtype=np.int_)
-        order = np.arange(at.size) if order is None else order
         q[:, at] = factor * q[:, at[order]] + offset
         v[:, to] = factor * v[:, to[order]]
         a[:, to] = factor * a[:, to[order]]
@@ -177,12 +176,8 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
         own = replace(own, sensor_only=())
         reports = {f"{joint}.motor_torque": log.column(f"{joint}.joint_torque") for joint in alone}
         log = log.with_columns(reports)
-    lacking = too_short(log) or not joints or without_position(own, log)
-    if (
-        lacking
-        or not {*quantities} <= {*REPORTED, "joint_torque"}
-        or resting >= {*own.single_joints}
-    ):
+    known = {*quantities} <= {*REPORTED, "joint_torque"} and not without_position(own, log)
+    if too_short(log) or not joints or not known or resting >= {*own.single_joints}:
         return None
     sensors = [joint for joint in sensors if joint not in alone]
     try:

@@ -67,13 +67,11 @@ class ContactBalance:
             for name, touches in active.items()
         ]
         push = np.concatenate(parts, axis=2)
-        from_base = np.asarray(
-            np.linalg.pinv(push[:, robot.unactuated], rcond=_RANK), dtype=np.float64
-        )
-        told = from_base @ push[:, robot.unactuated]
-        base = 1.0 - np.einsum("nbk,nkb->b", push[:, robot.unactuated], from_base) / len(position)
+        lifts = push[:, robot.unactuated]
+        from_base = np.asarray(np.linalg.pinv(lifts, rcond=_RANK))
+        base = 1.0 - np.einsum("nbk,nkb->b", lifts, from_base) / len(position)
         gears = np.ones(robot.transmission.size)
-        free = np.eye(push.shape[2]) - told
+        free = np.eye(push.shape[2]) - from_base @ lifts
         felt = robot.transmission.topology.T @ push[:, robot.actuated] @ free
         size = float(np.max(np.abs(push), initial=0.0))
         felt[np.abs(felt) < 1e-9 * size] = 0.0

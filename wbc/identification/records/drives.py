@@ -127,10 +127,9 @@ def drive_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
         duty = log.column(f"{joint}.duty") if own else gain * _at_motor(log, transmission, row)
         constant = _number(transmission, row, "torque_constant")
         wound = on * constant / _number(transmission, row, "resistance")
-        if log.has(f"{joint}.voltage"):
-            full = wound * log.column(f"{joint}.voltage")
-        else:
-            full = wound * _number(transmission, row, "supply_voltage")
+        recorded = log.columns.get(f"{joint}.voltage")
+        supply = _number(transmission, row, "supply_voltage") if recorded is None else recorded
+        full = wound * supply
         bound = unbounded if own else np.abs(full)
         return DriveLaw(full * duty, full * gain, wound * constant * ratio, bound, limit)
     kp, kd = _number(transmission, row, "position_gain", "kp"), transmission.velocity_gain[row]

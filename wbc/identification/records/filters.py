@@ -143,8 +143,8 @@ def white_level(values: FloatArray, rate: float) -> FloatArray:
     measured = np.isfinite(values).all(axis=0)
     result = np.full(values.shape[1], np.nan)
     if measured.any():
-        power = _spectrum(values[:, measured], rate, _SEGMENT)
-        result[measured] = power.between(*(share * rate for share in _UPPER))
+        frequency, power = _spectrum(values[:, measured], rate, _SEGMENT)
+        result[measured] = _between(frequency, power, *(share * rate for share in _UPPER))
     return result
 
 
@@ -162,14 +162,12 @@ def low_passed(values: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]
     last, density = np.full(values.shape[1], np.inf), np.zeros(values.shape[1])
     if not values.size:
         return last, density
-    power = _spectrum(values, rate, max(_SEGMENT, int(_LONG * rate)), steep=True)
-    half, upper = (power.between(low * rate, high * rate) for low, high in (_HALF, _UPPER))
+    spectrum = _spectrum(values, rate, max(_SEGMENT, int(_LONG * rate)), steep=True)
+    half, upper = (_between(*spectrum, low * rate, high * rate) for low, high in (_HALF, _UPPER))
     # A digital low-pass is steeper than its order near half the rate.
-    most = _HALF[0] * rate
-    edges = most * 2.0 ** -np.arange(0.0, np.log2(most / power.frequency[1]), _STEP)
-    levels = np.array(
-        [power.between(low, high) for high, low in zip(edges, edges[2:], strict=False)]
-    )
+    most, lowest = _HALF[0] * rate, spectrum[0][1]
+    edges = most * 2.0 ** -np.arange(0.0, np.log2(most / lowest), _STEP)
+    levels = np.array([_between(*spectrum, *ends) for ends in zip(edges[2:], edges, strict=False)])
     rounded = 2.0 * (_ROUNDING * np.ptp(values, axis=0)) ** 2 / rate
     for column in np.flatnonzero((half > _FILTERED * upper) | (upper < rounded)):
         start = int(np.argmax(levels[:, column] > rounded[column]))
@@ -181,30 +179,27 @@ def low_passed(values: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]
     return last, density
 
 
-@dataclass(frozen=True, eq=False)
-class _Spectrum:
-    """Frequencies (F,) [Hz] and power densities (F, n), and the medians' share of their means."""
-
-    frequency: FloatArray
-    power: FloatArray
-    bias: float
-
-    def between(self, low: float, high: float) -> FloatArray:
-        """Return the level (n,) between two frequencies, or at the one nearest to them."""
-        inside = (self.frequency > low) & (self.frequency < high)
-        inside[np.abs(self.frequency - 0.5 * (low + high)).argmin()] |= not inside.any()
-        return np.asarray(np.median(self.power[inside], axis=0) / self.bias)
+def _between(frequency: FloatArray, power: FloatArray, low: float, high: float) -> FloatArray:
+    """Return the level (n,) of a spectrum between two frequencies, or at the one nearest them."""
+    inside = (frequency > low) & (frequency < high)
+    inside[np.abs(frequency - 0.5 * (low + high)).argmin()] |= not inside.any()
+    return np.asarray(np.median(power[inside], axis=0))
 
 
-def _spectrum(values: FloatArray, rate: float, segment: int, *, steep: bool = False) -> _Spectrum:
-    """Return the spectrum by Welch's method; `steep` for a window that leaks less far away."""
+def _spectrum(
+    values: FloatArray, rate: float, segment: int, *, steep: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """Return frequencies (F,) [Hz] and power densities (F, n), whose medians are the true ones.
+
+    By Welch's method; `steep` for a window that leaks less far away.
+    """
     length = min(len(values), segment)
     window = hann(length, sym=False) ** (2 if steep else 1)
     frequency, power = welch(values, rate, window=window, detrend="linear", axis=0)
     # The median of a chi-square variable with few degrees of freedom lies below its mean.
     segments = max(1, 2 * len(values) // length - 1)
     degrees = 2.0 * max(1.0, 0.75 * segments)
-    return _Spectrum(frequency, power, (1.0 - 2.0 / (9.0 * degrees)) ** 3)
+    return frequency, power / (1.0 - 2.0 / (9.0 * degrees)) ** 3
 
 
 def steady_level(values: FloatArray, direction: FloatArray, rate: float) -> FloatArray:

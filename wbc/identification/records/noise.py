@@ -148,30 +148,18 @@ def noise_floor(
         return NoiseFloor(sensors, sensors, (), samples=len(noise) / per_sample)
     pairs = ((residuals[i], records[i].time, residuals[j], records[j].time) for i, j in repeats)
     noise = np.concatenate([_difference(*pair) / np.sqrt(2.0) for pair in pairs])
-    covariance = _over_all(records, repeats, _covariance(noise), sensors)
+    # An output may have no weight in some logs: their rows count as zeros in every mean. Where it
+    # has none in the repeats, the sensors' noise is all that is known.
+    weighed, rows = judged(records), np.array([record.rows for record in records])
+    repeated = [i for i, _ in repeats]
+    everywhere = rows @ weighed / rows.sum()
+    there = rows[repeated] @ weighed[repeated] / rows[repeated].sum()
+    known = there > 0.0
+    scale = np.sqrt(np.divide(everywhere, there, out=np.zeros(known.size), where=known))
+    covariance = _covariance(noise) * np.outer(scale, scale) + sensors * np.outer(~known, ~known)
     raised = np.sqrt(np.maximum(np.diag(sensors) / np.diag(covariance), 1.0))
     covariance *= np.outer(raised, raised)
     return NoiseFloor(covariance, sensors, tuple(repeats), samples=len(noise) / per_sample)
-
-
-def _over_all(
-    records: Sequence[Record],
-    pairs: Sequence[tuple[int, int]],
-    repeated: FloatArray,
-    sensors: FloatArray,
-) -> FloatArray:
-    """Return the covariance (k, k) of repeats as the mean over the rows of all logs.
-
-    An output may have no weight in some logs: their rows count as zeros in every mean. Where it has
-    none in the repeats, the sensors' noise is all that is known.
-    """
-    weighed, rows = judged(records), np.array([record.rows for record in records])
-    chosen = [i for i, _ in pairs]
-    everywhere = rows @ weighed / rows.sum()
-    there = rows[chosen] @ weighed[chosen] / rows[chosen].sum()
-    known = there > 0.0
-    scale = np.sqrt(np.divide(everywhere, there, out=np.zeros(known.size), where=known))
-    return repeated * np.outer(scale, scale) + sensors * np.outer(~known, ~known)
 
 
 def _covariance(values: FloatArray) -> FloatArray:
@@ -241,10 +229,8 @@ def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArr
 
 def reported_noise(record: Record, random: np.random.Generator) -> FloatArray:
     """Return drawn noise (N, m + b + s) of the reported torque."""
-    reported = np.zeros((len(record.motion.velocity), output_count(record.robot)))
-    drawn = _white(record, random, record.noise.torque)
-    reported[:, : drawn.shape[1]] = _seen(record, drawn)
-    return reported
+    drawn = _seen(record, _white(record, random, record.noise.torque))
+    return np.pad(drawn, ((0, 0), (0, output_count(record.robot) - drawn.shape[1])))
 
 
 def _seen(record: Record, torque: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ behind gears leave of the links, and drives whose report has nothing to do with 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import compress
 
@@ -31,38 +31,37 @@ _BASE_MOVES = 5e-3  # [m, rad] between the 5 % and 95 % quantiles: more than a s
 _SEEN = 0.5  # of a row, below which it is named as hardly seen
 
 
-def low_passed_torques(records: Sequence[Record]) -> list[str]:
-    """Return a warning where a low-pass took the noise of torques away, empty where none did."""
+def low_passed_torques(records: Sequence[Record]) -> Iterator[str]:
+    """Yield a warning where a low-pass took the noise of torques away."""
     joints = np.array(records[0].robot.transmission.joints)
     passed = np.array([record.noise.passed for record in records])
     filtered = np.isfinite(passed).any(axis=0) & ~np.any([r.followed for r in records], axis=0)
-    if not filtered.any():
-        return []
-    named = "all joints" if filtered.all() else ", ".join(joints[filtered])
-    most = np.nanmax(np.where(np.isfinite(passed), passed, np.nan)[:, filtered])
-    return [
-        f"the torques of {named} hold nothing faster than {most:.2g} Hz: a low-pass took their "
-        "noise away. The noise floor is what they hold there, which may be more than noise. Logs "
-        "without the filter, or one motion recorded twice, would tell it."
-    ]
+    if filtered.any():
+        named = "all joints" if filtered.all() else ", ".join(joints[filtered])
+        most = np.nanmax(np.where(np.isfinite(passed), passed, np.nan)[:, filtered])
+        yield (
+            f"the torques of {named} hold nothing faster than {most:.2g} Hz: a low-pass took their "
+            "noise away. The noise floor is what they hold there, which may be more than noise. "
+            "Logs without the filter, or one motion recorded twice, would tell it."
+        )
 
 
-def slow_logs(logs: Sequence[Log], band: float) -> list[str]:
-    """Return a warning where slow logs narrow the band of all, empty where none does.
+def slow_logs(logs: Sequence[Log], band: float) -> Iterator[str]:
+    """Yield a warning where slow logs narrow the band of all.
 
     Args:
         logs: that are compared together.
         band: of what is judged [Hz].
     """
     labels = [log.source.label for log in logs if OF_RATE / log.sample_time < LOWEST]
-    if not labels:
-        return []
-    way = "" if len(labels) == len(logs) else f" Without {few(labels)} it would be wider."
-    return [f"torques are compared below {band:.2g} Hz, a tenth of the slowest sampling rate.{way}"]
+    if labels:
+        way = "" if len(labels) == len(logs) else f" Without {few(labels)} it would be wider."
+        said = f"torques are compared below {band:.2g} Hz, a tenth of the slowest sampling rate."
+        yield said + way
 
 
-def unmeasured_forces(records: Sequence[Record], outputs: Sequence[str]) -> list[str]:
-    """Return what is not seen where contacts touched whose forces no sensor measured.
+def unmeasured_forces(records: Sequence[Record], outputs: Sequence[str]) -> Iterator[str]:
+    """Yield what is not seen where contacts touched whose forces no sensor measured.
 
     Args:
         records: the logs.
@@ -71,40 +70,38 @@ def unmeasured_forces(records: Sequence[Record], outputs: Sequence[str]) -> list
     balances = [record.balance for record in records]
     shares = [balance.seen_share for balance in balances if balance is not None]
     if not shares:
-        return []
+        return
     names = dict.fromkeys(n for r in records for n, touches in r.active.items() if touches.any())
     seen = np.mean(shares, axis=0)
     lost = [f"{n} {100.0 * s:.0f} %" for n, s in zip(outputs, seen, strict=True) if s < _SEEN]
-    return [
+    little = f". Little is left to judge of {', '.join(lost)}" if lost else ""
+    yield (
         f"no force was measured at {', '.join(names)}: while it touches, its force is what the "
-        "balance of the base asks for, and what acts like such a force is not seen"
-        + (f". Little is left to judge of {', '.join(lost)}" if lost else "")
-        + ". The mass of the robot and its balance show only in the motors' torques; a force "
-        "sensor would tell them better. Probabilities are too high without it: of causes stated at "
-        "0.95 or more on generated robots, 85 % were there."
-    ]
+        f"balance of the base asks for, and what acts like such a force is not seen{little}. The "
+        "mass of the robot and its balance show only in the motors' torques; a force sensor would "
+        "tell them better. Probabilities are too high without it: of causes stated at 0.95 or more "
+        "on generated robots, 85 % were there."
+    )
 
 
-def moving_bases(robot: Robot, logs: Sequence[Log]) -> list[str]:
-    """Return a warning if the base moves in logs of a robot whose base is believed to be fixed.
+def moving_bases(robot: Robot, logs: Sequence[Log]) -> Iterator[str]:
+    """Yield a warning if the base moves in logs of a robot whose base is believed to be fixed.
 
     What a log calls `base`, or a joint whose name begins so, is its base.
     """
-    if robot.floating_size:
-        return []
-    moves = {log.source.label: _base_moves(robot, log) for log in logs}
     found: dict[str, float] = {}
-    for owner, distance in (pair for own in moves.values() for pair in own.items()):
-        found[owner] = max(distance, found.get(owner, 0.0))
-    if not found:
-        return []
-    labels = ", ".join(label for label, own in moves.items() if own)
-    listed = ", ".join(f"{owner} by {distance:.2g}" for owner, distance in found.items())
-    return [
-        f"{labels}: the base moves ({listed} m or rad), and that of '{robot.name}' is "
-        "fixed: what its motion asks of the joints is taken for something else. Give the robot "
-        "with its free base (`wbc list robots`), or hold the base while recording."
-    ]
+    labels = []
+    for log in logs if not robot.floating_size else ():
+        moves = _base_moves(robot, log)
+        labels += [log.source.label] if moves else []
+        found |= {owner: max(most, found.get(owner, 0.0)) for owner, most in moves.items()}
+    if found:
+        listed = ", ".join(f"{owner} by {distance:.2g}" for owner, distance in found.items())
+        yield (
+            f"{', '.join(labels)}: the base moves ({listed} m or rad), and that of '{robot.name}' "
+            "is fixed: what its motion asks of the joints is taken for something else. Give the "
+            "robot with its free base (`wbc list robots`), or hold the base while recording."
+        )
 
 
 def _base_moves(robot: Robot, log: Log) -> dict[str, float]:
@@ -161,18 +158,17 @@ def standing(records: Sequence[Record]) -> BoolArray:
     return np.asarray(~moves & moves.any(axis=0))
 
 
-def standing_joints(records: Sequence[Record]) -> list[str]:
-    """Return a warning that names the joints that are not judged in some logs."""
+def standing_joints(records: Sequence[Record]) -> Iterator[str]:
+    """Yield a warning that names the joints that are not judged in some logs."""
     names = [record.name for record in records]
     each = zip(records[0].robot.transmission.joints, standing(records).T, strict=False)
     logs = {joint: [*compress(names, still)] for joint, still in each}
     found = [f"{joint} in {few(own)}" for joint, own in logs.items() if own]
-    if not found:
-        return []
-    return [
-        f"joints that stand still: {'; '.join(found)}. They are not judged there, because friction "
-        "at rest or a brake carries an unknown part of their load."
-    ]
+    if found:
+        yield (
+            f"joints that stand still: {'; '.join(found)}. They are not judged there, because "
+            "friction at rest or a brake carries an unknown part of their load."
+        )
 
 
 def sensed_joints(robot: Robot, logs: Sequence[Log]) -> tuple[str, ...]:
