@@ -162,7 +162,9 @@ def classic_fit(problem: EstimationProblem) -> ClassicFit:
     problem = _sides_apart(problem)
     values, told = _columns(problem)
     target = problem.residual @ problem.whitening
-    weights = _weights(target, values)
+    first, _ = left_by(values.reshape(-1, values.shape[-1]), target.ravel())
+    # In floors, and never below one.
+    weights = 1.0 / np.maximum(rms(first.reshape(target.shape)), 1.0)
     a = (values * weights[:, None]).reshape(-1, values.shape[-1])
     b = -(target * weights).ravel()
     left, solution = left_by(a, b)
@@ -181,7 +183,7 @@ def classic_fit(problem: EstimationProblem) -> ClassicFit:
             for (name, text, drawn, unit), more, h in numbers
         ),
         joints=tuple(names[k] for k in kept),
-        before=np.sqrt(np.mean(problem.residual[:, kept] ** 2, axis=0)),
+        before=rms(problem.residual[:, kept]),
         left=rms(held),
         residual=held,
         warnings=problem.warnings,
@@ -251,13 +253,6 @@ def _small(kind: type[Effect], robot: Robot, where: str) -> Effect:
     """Return an effect of a typical size, so that dry friction has a slope."""
     null = kind.null_values(robot, where)
     return kind.at(where, {p.name: null[p.name] + p.scale for p in kind.parameters})
-
-
-def _weights(target: FloatArray, values: FloatArray) -> FloatArray:
-    """Return (outputs,) one over what a first fit leaves, in floors and never below one."""
-    a = values.reshape(-1, values.shape[-1])
-    left, _ = left_by(a, target.ravel())
-    return np.asarray(1.0 / np.maximum(rms(left.reshape(target.shape)), 1.0))
 
 
 def _deviations(a: FloatArray, left: FloatArray) -> FloatArray:

@@ -67,7 +67,6 @@ class Proposal:
         stability: by term, share of the folds that it helps to predict.
         rivals: by term, products that these logs do not tell from it.
         joints: the joint it acts on first, then those on whose motion it depends.
-        warnings: what speaks against believing it.
     """
 
     effect: CustomTorque
@@ -76,7 +75,15 @@ class Proposal:
     stability: Mapping[str, float]
     rivals: Mapping[str, tuple[str, ...]]
     joints: tuple[str, ...]
-    warnings: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> list[str]:
+        """What speaks against believing it."""
+        loose = [name for name, e in self.coefficients.items() if e.low <= 0.0 <= e.high]
+        warnings = [f"the interval of {', '.join(loose)} holds zero"] if loose else []
+        if self.effect.needs_acceleration:
+            warnings.append("needs accelerations: for logs only, not for controller or simulator")
+        return warnings
 
     @property
     def formula(self) -> str:
@@ -426,9 +433,9 @@ def _discovered(problem: EstimationProblem, progress: Report, known: Sequence[Ef
     return Discovery(
         outcome=outcome,
         proposals=tuple(
-            _with_numbers(found.proposals[joint], formulas[joint], numbers[formulas[joint].key])
+            replace(found.proposals[joint], effect=formula, coefficients=numbers[formula.key])
             for joint in problem.robot.transmission.joints
-            if joint in formulas
+            if (formula := formulas.get(joint))
         ),
         known=end.known,
         dropped=tuple(e.key for e in known if e.key not in kept),
@@ -504,14 +511,3 @@ def _estimates(problem: EstimationProblem, fit: Fit) -> dict[tuple[str, str], di
             own = {name: replace(e, unit=units[name]) for name, e in own.items()}
         found[effect.key] = own
     return found
-
-
-def _with_numbers(
-    proposal: Proposal, effect: CustomTorque, numbers: Mapping[str, Estimate]
-) -> Proposal:
-    """Return a proposal with its refitted formula, and what speaks against it."""
-    loose = [name for name, e in numbers.items() if e.low <= 0.0 <= e.high]
-    warnings = [f"the interval of {', '.join(loose)} holds zero"] if loose else []
-    if effect.needs_acceleration:
-        warnings.append("needs accelerations: for logs only, not for controller or simulator")
-    return replace(proposal, effect=effect, coefficients=numbers, warnings=tuple(warnings))

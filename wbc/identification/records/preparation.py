@@ -16,7 +16,7 @@ from wbc.identification.records.channels import read_channels, typical_inertia
 from wbc.identification.records.filters import Bandwidth, NoiseDensity, low_passed, white_level
 from wbc.identification.records.noise import load_bands, synthetic_noise
 from wbc.identification.records.not_judged import not_judged_at_rest
-from wbc.identification.records.record import Record, at_outputs, output_count, rms, rubbing
+from wbc.identification.records.record import Record, at_outputs, rms, rubbing
 from wbc.measurement import Log, derivative, differentiate, low_pass
 from wbc.robot import Motion, Robot
 
@@ -116,8 +116,6 @@ def _smooth(read: Record, noise: NoiseDensity, band: Bandwidth, reversal: float)
         rate=read.rate / every,
         bandwidth=band,
         noise=noise,
-        certainty=np.ones(output_count(robot)),
-        load_band=np.full(robot.transmission.size, np.inf),
     )
 
 

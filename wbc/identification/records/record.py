@@ -110,7 +110,7 @@ class Record:
         bandwidth: cut-offs.
         noise: white noise of the sensors.
         certainty: (m + b,) factor of the condensed rows: below 1 where this log is noisier than
-            those that the noise floor is taken from.
+            those that the noise floor is taken from; one for all as long as nothing is known of it.
         load_band: (m,) frequency from which on the load of a driven joint is noise [Hz].
     """
 
@@ -129,7 +129,7 @@ class Record:
     weight: FloatArray = field(default_factory=lambda: np.zeros(0))
     bandwidth: Bandwidth = WHOLE
     noise: NoiseDensity = UNKNOWN
-    certainty: FloatArray = field(default_factory=lambda: np.zeros(0))
+    certainty: FloatArray = field(default_factory=lambda: np.ones(1))
     load_band: FloatArray = field(default_factory=lambda: np.zeros(0))
     _kept: dict[tuple[str, int], tuple[bytes, Any]] = field(init=False, default_factory=dict)
 
