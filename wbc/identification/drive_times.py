@@ -48,12 +48,12 @@ MISSED = 0.05
 # They may be what the shared times of drives are, and stay out where these are estimated anew.
 STAND_INS = (ActuationDelay, RotorInertia, ViscousFriction, RotorViscousFriction)
 _LATE, _WHOLE, _LAG, _VISCOUS, _INERTIA, _DRY = range(6)  # of a joint's columns
+# What one joint may have in place of the shared times: a delay of its own, friction, inertia.
 _OWN = tuple(
     (*late, *few)
     for late in ((), (_LATE,))
     for few in ((), (_VISCOUS,), (_INERTIA,), (_VISCOUS, _INERTIA))
 )
-"""What one joint may have in place of the shared times: a delay of its own, friction, inertia."""
 # Drives of one machine are alike: what one has alone costs twice. So one of several drives that is
 # late has the machine's delay, and the only drive of a machine has times at twice the price.
 _COSTS = tuple(_PRICE * (len(own) + (_LATE in own)) for own in _OWN)

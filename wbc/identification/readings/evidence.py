@@ -75,31 +75,35 @@ _PARTS = 3  # of a log: what strays far in one counts once, and one joint alone 
 
 
 class Report(NamedTuple):
-    """What a report says, for each gain: one joint, one way to read the columns."""
+    """What a report says, for each gain: one joint, one way to read the columns.
+
+    Attributes:
+        gains: (G,) log likelihood at each gain of the grid.
+        ratios: (F,) log likelihood at each factor of the grid by which the gear ratio may be
+            another, where the inertia of the rotor is known.
+        causes: (R, 5) what offset, speed, direction, load and acceleration add, over the report's
+            size.
+        target: (R,) the report in the same coordinates, over its size.
+        left: share of the report's power that is left at the likeliest gain.
+        idle: log likelihood, with its prior, of a drive that carried nothing in this log.
+        samples: independent samples that count; 0 of a report that tells nothing.
+        size: root of the sum of squares of the report about its mean [N m].
+        heavy: log likelihood, at usual gains, of a rotor that nobody described and that may be any
+            times heavier than its link; such a rotor accuses nobody and frees from being foreign.
+        rubs: log likelihood of a report that is so many times as large as what the joint needs,
+            unless the joint carries next to nothing, such as the shaft of a bare motor.
+    """
 
     gains: FloatArray
-    """(G,) log likelihood at each gain of the grid."""
     ratios: FloatArray
-    """(F,) log likelihood at each factor of the grid by which the gear ratio may be another, where
-    the inertia of the rotor is known."""
     causes: FloatArray
-    """(R, 5) what offset, speed, direction, load and acceleration add, over the report's size."""
     target: FloatArray
-    """(R,) the report in the same coordinates, over its size."""
     left: float = 1.0
-    """Share of the report's power that is left at the likeliest gain."""
     idle: float = 0.0
-    """Log likelihood, with its prior, of a drive that carried nothing in this log."""
     samples: float = 0.0
-    """Independent samples that count; 0 of a report that tells nothing."""
     size: float = 0.0
-    """Root of the sum of squares of the report about its mean [N m]."""
     heavy: float = 0.0
-    """Log likelihood, at usual gains, of a rotor that nobody described and that may be any times
-    heavier than its link; such a rotor accuses nobody and frees from being foreign."""
     rubs: float = 0.0
-    """Log likelihood of a report that is so many times as large as what the joint needs, unless the
-    joint carries next to nothing, such as the shaft of a bare motor."""
 
 
 _SILENT = Report(np.zeros(GAINS.size), np.zeros(_RATIOS.size), np.zeros((1, _CAUSES)), np.zeros(1))
@@ -128,7 +132,7 @@ def report(rows: LogRows, need: Need, joint: int, reported: FloatArray, samples:
     free, found = _nonnegative(np.hstack([others, change]), told - gains * needed)
     inertia = np.minimum(found[-1], _INERTIA * float(rows.inertia[joint]) / size)
     # A factor of the gear ratio changes what is measured on the rotor, not torque behind it.
-    power = 0.0 if rows.quantities[joint] in BEHIND_GEARS else -1.0
+    power = 0.0 if rows.torques[joint].endswith(BEHIND_GEARS) else -1.0
     asked = np.concatenate([gains, gains, _RATIOS**power / size])
     inertias = np.concatenate([inertia, rotor * gains, rotor * _RATIOS ** (power + 2.0) / size])
     left, _ = _nonnegative(others, told - asked * needed - inertias * change)
@@ -264,15 +268,19 @@ def _nonnegative(columns: FloatArray, targets: FloatArray) -> tuple[FloatArray, 
 
 
 class Judged(NamedTuple):
-    """A reading of logs, and what it makes of the reports."""
+    """A reading of logs, and what it makes of the reports.
+
+    Attributes:
+        reading: the way to read them.
+        reports: of each log, those of the driven joints, (m,).
+        strays: of each log, (parts, m) how far the reports stray from the need in thirds of it:
+            power of the difference over the geometric mean of the powers of both. Nothing is
+            fitted, so no gain, friction or inertia can take the place of what the links need.
+    """
 
     reading: Reading
     reports: tuple[tuple[Report, ...], ...]
-    """Of each log, those of the driven joints, (m,)."""
     strays: tuple[FloatArray, ...]
-    """Of each log, (parts, m) how far the reports stray from the need in thirds of it: power of the
-    difference over the geometric mean of the powers of both. Nothing is fitted, so no gain,
-    friction or inertia can take the place of what the links need."""
 
     @property
     def logs(self) -> tuple[int, ...]:
@@ -341,10 +349,9 @@ class Bench:
 
     def judged(self, reading: Reading) -> Judged:
         """Return what a reading makes of the reports of all driven joints in all logs."""
-        each = []
-        for log in range(len(self.rows)):
-            stands = reading.logs is not None and log not in reading.logs
-            each.append(self._of_log(log, Reading() if stands else reading))
+        logs = range(len(self.rows))
+        own = reading.logs or logs
+        each = [self._of_log(k, reading if k in own else Reading()) for k in logs]
         return Judged(reading, *zip(*each, strict=True))
 
     def _of_log(self, log: int, reading: Reading) -> tuple[tuple[Report, ...], FloatArray]:

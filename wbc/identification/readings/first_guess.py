@@ -41,9 +41,9 @@ from wbc.robot.model_file import driven_joints, read_model, xml_root
 _LOGS = 4  # of a file that are looked at: a guess needs no more
 _ROUNDS = 6  # of corrections, one upon another
 _LACKS = ("joints_unknown", "no_torque")  # what is not there is not guessed twice
+# How close to 1 a ratio may be: a motor's motion is often reported in units of the joint, and then
+# it tells no ratio.
 _DIRECT = 0.1
-"""How close to 1 a ratio may be: a motor's motion is often reported in units of the joint, and then
-it tells no ratio."""
 _OTHERWISE = 0.01  # of the power of a motor's motion that its joint's may leave
 _KP, _KD = 20.0, 0.5  # gains of a small position drive: a start that has to be replaced
 _GUESS = "guess: not in the model file; look it up"

@@ -163,7 +163,7 @@ def _exchanges(rows: LogRows, lost: BoolArray) -> Iterator[Reading]:
         moved |= columns_of(one, encoder_columns(rows.log, one), other)
         crossed = {names[a]: {"from": names[b]}, names[b]: {"from": names[a]}}
         ways = [("positions", moved)]
-        if rows.quantities[a] == rows.quantities[b]:
+        if names[a].rpartition(".")[2] == names[b].rpartition(".")[2]:
             ways += [("torques", crossed), ("positions and torques", {**moved, **crossed})]
         for what, columns in ways:
             text = f"the {what} of {one} and {other} are exchanged"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -22,8 +23,8 @@ from wbc.measurement.log import Log, longest_piece, too_short
 from wbc.measurement.schema import REPORTED
 from wbc.robot import Motion, Robot
 
-BEHIND_GEARS = ("motor_torque", "joint_torque")
-"""Quantities that are torques at the output of a gear."""
+BEHIND_GEARS = (".motor_torque", ".joint_torque")
+"""Ends of the names of columns that are torques at the output of a gear."""
 
 _ROUNDING = 1e-9  # of a torque, below which one is nothing
 _ROWS = 400  # kept per log: more samples of one motion say no more about a gross mistake
@@ -49,7 +50,7 @@ class LogRows:
         rate: of that clock [Hz].
         conversion: (m,) `torque` over the column of the log.
         forces: contact -> (N, 3) [N].
-        quantities: (m,) which column each torque was read from.
+        torques: (m,) names of the columns that the torques were read from.
         samples: (m,) independent samples that each report amounts to.
         sensed: (N, m) what a torque sensor behind the gear measured [N m], NaN where none is: then
             it stands for the need of the links.
@@ -64,7 +65,7 @@ class LogRows:
     rate: float
     conversion: FloatArray
     forces: Mapping[str, FloatArray]
-    quantities: tuple[str, ...]
+    torques: list[str]
     samples: FloatArray
     sensed: FloatArray
     inertia: FloatArray
@@ -79,12 +80,6 @@ class LogRows:
         place, rows = np.arange(len(self.whole)), self.kept[:, None] + lag * self.rate
         pairs = zip(np.broadcast_to(rows, self.torque.shape).T, self.whole.T, strict=True)
         return np.stack([np.interp(when, place, column) for when, column in pairs], axis=1)
-
-    @property
-    def torques(self) -> list[str]:
-        """(m,) the columns of the torques."""
-        pairs = zip(self.robot.transmission.joints, self.quantities, strict=True)
-        return [f"{joint}.{quantity}" for joint, quantity in pairs]
 
     @cached_property
     def weighs(self) -> bool:
@@ -136,8 +131,7 @@ class LogRows:
         return Need(links, links + rotors, speed, change)
 
 
-@dataclass(frozen=True, eq=False)
-class Need:
+class Need(NamedTuple):
     """What a motion needs at the motors' outputs.
 
     Attributes:
@@ -213,7 +207,7 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
         rate=rate,
         conversion=own.transmission.gear_ratio * shares,
         forces={n: low_pass(f, cutoff, rate, _ORDER)[thin] for n, f in told.forces.items()},
-        quantities=tuple(quantities),
+        torques=[f"{joint}.{name}" for joint, name in zip(joints, quantities, strict=True)],
         samples=samples,
         sensed=sensed[thin],
         inertia=typical_inertia(robot, [told]),
@@ -250,7 +244,7 @@ def _behind_unknown_gears(rows: LogRows) -> LogRows:
     """
     gears = rows.robot.transmission
     unknown = (np.abs(gears.gear_ratio) == 1.0) & (gears.reflected_inertia == 0.0)
-    unknown &= np.array([quantity not in BEHIND_GEARS for quantity in rows.quantities])
+    unknown &= np.array([not name.endswith(BEHIND_GEARS) for name in rows.torques])
     if not unknown.any():
         return rows
     need, told = (np.std(values, axis=0) for values in (rows.as_is.links, rows.torque))

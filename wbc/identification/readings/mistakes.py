@@ -166,9 +166,9 @@ def single_ratios(robot: Robot) -> dict[str, float]:
     return {gears.joints[k]: float(gears.gear_ratio[k]) for k in alone}
 
 
-POSSIBLE = 0.5
-"""Probability of any mistake from which logs leave open whether they are right. Of ten right logs
-of 5 to 10 s (seven of a recorded double pendulum, three of the sample leg) none is above 0.04."""
+# Probability of any mistake from which logs leave open whether they are right. Of ten right logs of
+# 5 to 10 s (seven of a recorded double pendulum, three of the sample leg) none is above 0.04.
+_POSSIBLE = 0.5
 # Share of a report's power left, from which it may be another joint's where there are many joints,
 # and from which gravity and zeros are asked about. Of 2114 true reports of generated robots with
 # hidden causes 2 % leave more than 0.13, 8 % more than 0.015; exchanged wrists leave less.
@@ -265,7 +265,7 @@ def _likeliest(robot: Robot, judged: Sequence[Judged]) -> tuple[LogFinding, tupl
     doubt = float(np.exp(columns - whole))
     scores.sort(key=lambda scored: -scored[0])
     best, first, logs = scores[0]
-    if doubt < (POSSIBLE if logs == every else LIKELY):
+    if doubt < (_POSSIBLE if logs == every else LIKELY):
         return None
     least = _LEAST_EXPLAINED if doubt >= LIKELY else 1.0 - _RARELY_LEFT
     if first.explained(as_is, logs)[1] < least:
@@ -330,7 +330,7 @@ def _late(judged: Sequence[Judged]) -> list[LogFinding]:
     """Return the lags of torques that explain too little to be certain."""
     as_is, *others = judged
     late = [one for one in others if one.reading.kind == "torque_late"]
-    return [_told([one], as_is, as_is.logs, POSSIBLE) for one in late]
+    return [_told([one], as_is, as_is.logs, _POSSIBLE) for one in late]
 
 
 def _foreign(robot: Robot, judged: Sequence[Judged]) -> list[LogFinding]:
@@ -350,7 +350,7 @@ def _foreign(robot: Robot, judged: Sequence[Judged]) -> list[LogFinding]:
         if odds:
             odds.sort(key=lambda weighed: -weighed[0])
             near = [one for weight, one in odds if odds[0][0] - weight < _TIED]
-            found.append(_told(near, as_is, as_is.logs, POSSIBLE))
+            found.append(_told(near, as_is, as_is.logs, _POSSIBLE))
             continue
         joint, doubt = robot.transmission.joints[k], float(doubts[k])
         left = np.mean([min(reports[k].left, 1.0) for reports in as_is.reports])
