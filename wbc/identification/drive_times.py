@@ -172,7 +172,7 @@ def _loaded(
     each = [[], *([k] for k in range(len(records[0].robot.model.inertias) - 1))]
     costs = []
     for links in each:
-        squares, level = _normal_equations(records, followed, links)
+        squares, level = _normal_equations(records, followed, links, ())
         costs.append(level + _cheapest(*squares, chosen)[0] + _LINK * len(links))
     return each[int(np.argmin(costs))]
 
@@ -216,7 +216,7 @@ def on_time(
         missed = condensed_residual(links.with_effects(*known), records)
         missed = missed[:, : told.size][:, told]
         left.append(np.mean(missed**2, axis=0) + 1e-300)
-        squares, _ = _normal_equations(records, told, known=known)
+        squares, _ = _normal_equations(records, told, (), known)
         alone, together = (_cheapest(*squares, [free], -np.inf) for free in ([], [_WHOLE]))
         if not lag and alone[0] <= together[0]:
             return list(logs), []
@@ -320,10 +320,7 @@ def _cheapest(
 
 
 def _normal_equations(
-    records: Sequence[Record],
-    followed: BoolArray,
-    loaded: Sequence[int] = (),
-    known: Sequence[Effect] = (),
+    records: Sequence[Record], followed: BoolArray, loaded: Sequence[int], known: Sequence[Effect]
 ) -> tuple[tuple[FloatArray, FloatArray], float]:
     """Return what every joint leaves with every choice of its own numbers.
 

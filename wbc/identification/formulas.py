@@ -186,7 +186,7 @@ class TermTable:
     def at(cls, problem: EstimationProblem, robot: Robot, joint: str, seen: Evidence) -> TermTable:
         """Return the terms at a joint of `robot`, the shapes of some read off what was seen."""
         band = problem.records[0].bandwidth.residual
-        terms = torque_terms(robot, joint, seen.motions, seen.unexplained, band)
+        terms = torque_terms(robot, joint, seen, band)
         parts = [_columns(robot, record, joint, terms) for record in problem.records]
         whole = np.concatenate([columns for columns, _ in parts]) @ problem.whitening
         outputs = np.flatnonzero(whole.any(axis=(0, 1)))
@@ -264,17 +264,17 @@ class TermSet:
 
 
 def linear(
-    problem: EstimationProblem, fit: Fit, h: Hypothesis, terms: TermTable, chosen: Sequence[int]
+    problem: EstimationProblem, found: Found, terms: TermTable, chosen: Sequence[int]
 ) -> TermSet:
-    """Return terms beside a fit, each fold predicted without itself.
+    """Return terms beside what was found, each fold predicted without itself.
 
     Args:
         problem: the logs.
-        fit: whose parameters move with them.
-        h: the hypothesis of the fit.
+        found: the fit whose parameters move with them.
         terms: all of the joint.
         chosen: numbers of some.
     """
+    fit = found.fit
     added: list[Effect] = [terms.effect(chosen, np.zeros(len(chosen)))] if chosen else []
     slots = [(len(fit.effects), own) for effect in added for own in effect.parameters]
     new = np.zeros((*fit.residual.shape, len(slots)))
@@ -294,25 +294,24 @@ def linear(
     )
     folds = fold_means(problem.folds, wider.held_out_residual() ** 2)
     samples = problem.independent_samples(wider.residual)
-    left = replace(h, folds=folds, beside=folds, samples=samples, asked=asked(wider.effects))
+    learnt = asked(wider.effects)
+    left = replace(found.hypothesis, folds=folds, beside=folds, samples=samples, asked=learnt)
     return TermSet(tuple(chosen), step[len(fit.parameters) :], left)
 
 
-def find_terms(
-    problem: EstimationProblem, fit: Fit, h: Hypothesis, terms: TermTable
-) -> tuple[TermSet, float]:
-    """Return the set with the most evidence beside a fit, and by how much it is ahead of none.
+def find_terms(problem: EstimationProblem, found: Found, terms: TermTable) -> tuple[TermSet, float]:
+    """Return the set with most evidence beside what was found, and by how much it is ahead of none.
 
     A set grows by two terms in the place of one, since two may do together what neither does alone.
     The sets of all sizes are weighed together: the best one says how much of what is left is noise.
     """
-    path = [linear(problem, fit, h, terms, ())]
+    path = [linear(problem, found, terms, ())]
     while len(path) <= _MOST_TERMS:
         now = path[-1].chosen
         rests = [[k for k in now if k != one] for one in now] or [[]]
-        grown = ((*rest, *more) for rest in rests for more in terms.best(fit, rest, bool(now)))
+        grown = ((*own, *more) for own in rests for more in terms.best(found.fit, own, bool(now)))
         sets = {tuple(sorted(own)) for own in grown}
-        tried = [linear(problem, fit, h, terms, own) for own in sorted(sets)]
+        tried = [linear(problem, found, terms, own) for own in sorted(sets)]
         tried = [one for one in tried if terms.brake(one.chosen, one.coefficients)]
         if not tried:
             break
@@ -334,14 +333,11 @@ class Found:
 
     fit: Fit
     hypothesis: Hypothesis
-    proposals: Mapping[str, Proposal]
+    proposals: dict[str, Proposal]
 
     @classmethod
     def of(
-        cls,
-        problem: EstimationProblem,
-        effects: Sequence[Effect],
-        proposals: Mapping[str, Proposal],
+        cls, problem: EstimationProblem, effects: Sequence[Effect], proposals: dict[str, Proposal]
     ) -> Found:
         """Return the fit of named effects and proposed formulas."""
         fit = problem.fit(effects)
@@ -458,7 +454,7 @@ def _search(problem: EstimationProblem, known: Sequence[Effect], progress: Repor
             terms = TermTable.at(problem, found.fit.robot, joint, seen)
             if terms.outputs.size:
                 waiting[joint] = terms
-                offers[joint] = find_terms(problem, found.fit, found.hypothesis, terms)
+                offers[joint] = find_terms(problem, found, terms)
     while offers:
         joint = max(offers, key=lambda name: offers[name][1])
         terms, (best, _) = waiting.pop(joint), offers.pop(joint)
@@ -471,7 +467,7 @@ def _search(problem: EstimationProblem, known: Sequence[Effect], progress: Repor
             # Those whose torque reaches a motor that the torque of this one reaches.
             for other in waiting:
                 if (reaches[joint] & reaches[other]).any():
-                    offers[other] = find_terms(problem, found.fit, found.hypothesis, waiting[other])
+                    offers[other] = find_terms(problem, found, waiting[other])
     return found
 
 
@@ -479,15 +475,15 @@ def _with_formula(
     problem: EstimationProblem, found: Found, terms: TermTable, best: TermSet
 ) -> Found:
     """Return all that was found with a formula beside it, and what speaks for each term."""
-    fit, h, joint = found.fit, found.hypothesis, terms.joint
-    best = linear(problem, fit, h, terms, best.chosen)  # beside what was found since
+    fit, joint = found.fit, terms.joint
+    best = linear(problem, found, terms, best.chosen)  # beside what was found since
     stability, rivals = {}, {}
     for k in best.chosen:
         rest = [other for other in best.chosen if other != k]
-        helps = best.hypothesis.folds < linear(problem, fit, h, terms, rest).hypothesis.folds
+        helps = best.hypothesis.folds < linear(problem, found, terms, rest).hypothesis.folds
         stability[terms.terms[k].text] = float(helps[:, terms.outputs].mean())
         others = [own for (own,) in terms.best(fit, rest, pairs=False) if own != k]
-        sets = [best, *(linear(problem, fit, h, terms, (*rest, one)) for one in others)]
+        sets = [best, *(linear(problem, found, terms, (*rest, one)) for one in others)]
         own, *odds = weigh(problem, [one.hypothesis for one in sets])
         ranked = sorted(zip(odds, others, strict=True), reverse=True)
         as_good = [terms.terms[one].text for gain, one in ranked if gain > own - _AS_GOOD]
@@ -495,7 +491,7 @@ def _with_formula(
     effect = terms.effect(best.chosen, best.coefficients)
     joints = dict.fromkeys((joint, *(other for term in effect.terms for other in term.joints)))
     wider = Found.of(problem, (*fit.effects, effect), found.proposals)
-    before, after = (one.outputs[terms.outputs].mean() for one in (h, wider.hypothesis))
+    before, after = (one.hypothesis.outputs[terms.outputs].mean() for one in (found, wider))
     share = float(min((before - after) / max(before - 1.0, 1e-12), 1.0))
     proposal = Proposal(effect, {}, share, stability, rivals, tuple(joints))
     return replace(wider, proposals={**found.proposals, joint: proposal})

@@ -11,20 +11,14 @@ from scipy.signal import lombscargle
 from wbc.arrays import FloatArray
 from wbc.effects import TorqueTerm
 from wbc.effects.position_torques import strongest_orders
-from wbc.robot import Motion, Robot
+from wbc.robot import Evidence, Robot
 from wbc.robot.coordinates import slides
 
 _HARMONICS = 2  # orders read off the data, per kind of torque
 _DISTINCT = 0.2  # orders closer than this share of each other are the same
 
 
-def torque_terms(
-    robot: Robot,
-    joint: str,
-    motions: Sequence[Motion],
-    unexplained: Sequence[FloatArray],
-    band: float,
-) -> tuple[TorqueTerm, ...]:
+def torque_terms(robot: Robot, joint: str, seen: Evidence, band: float) -> tuple[TorqueTerm, ...]:
     """Return the products that may make up the unexplained torque of `joint`.
 
     Other joints are those of the same kinematic chain: what couples two joints (a cable, a shared
@@ -33,8 +27,7 @@ def torque_terms(
     Args:
         robot: the robot as believed.
         joint: a driven joint.
-        motions: one per log.
-        unexplained: (N, nv) per log [N m].
+        seen: motions and unexplained torques of the logs.
         band: of the residual [Hz]; waves that pass faster are not seen.
     """
     q, v = f"q_{joint}", f"v_{joint}"
@@ -42,15 +35,15 @@ def torque_terms(
     waves = {1.0, 2.0} if not slides(robot, joint) else set()
     # Smooth torque and dry friction repeat with position at orders of their own.
     column, row = robot.position_index(joint), robot.velocity_index(joint)
-    positions = [motion.position[:, column] for motion in motions]
-    speeds = [motion.velocity[:, row] for motion in motions]
-    torques = [torque[:, row] for torque in unexplained]
+    positions = [motion.position[:, column] for motion in seen.motions]
+    speeds = [motion.velocity[:, row] for motion in seen.motions]
+    torques = [torque[:, row] for torque in seen.unexplained]
     along = [torque * np.sign(speed) for torque, speed in zip(torques, speeds, strict=True)]
     usual = float(np.sqrt(np.mean(np.concatenate(speeds) ** 2)))
     highest = 2.0 * np.pi * band / max(usual, 1e-9)
     orders = (waves | _peaks(positions, own, highest) for own in (torques, along))
     smooth_waves, dry_waves = (_waves(q, own) for own in orders)
-    gravity = [f"gravity_{joint}"] * _weighs(robot, joint, motions)
+    gravity = [f"gravity_{joint}"] * _weighs(robot, joint, seen)
     load = [f"load_{joint}"] * (not robot.floating_size)
     texts = ["1", q, f"{q}^2", f"{q}^3", *smooth_waves]
     texts += [v, f"|{v}|", f"|{v}| * {v}", f"{v}^2", f"{v}^3", f"a_{joint}"]
@@ -60,16 +53,14 @@ def torque_terms(
     dry = ["", q, f"|{q}|", f"{q}^2", f"|{q}| * {q}", *dry_waves]
     dry += [shape for x in (*gravity, *load) for shape in (f"|{x}|", f"{x}", f"{x}^2")]
     for other in _chain(robot, joint):
-        smooth, level = _across(robot, joint, other, motions)
+        smooth, level = _across(robot, joint, other, seen)
         texts += smooth
         dry += level
     texts += [f"{level} * {sign}" if level else sign for level in dry]
     return tuple(TorqueTerm.parse(text) for text in dict.fromkeys(texts))
 
 
-def _across(
-    robot: Robot, joint: str, other: str, motions: Sequence[Motion]
-) -> tuple[list[str], list[str]]:
+def _across(robot: Robot, joint: str, other: str, seen: Evidence) -> tuple[list[str], list[str]]:
     """Return smooth products with the motion of another joint, and levels of dry friction."""
     q, v, x, u = f"q_{joint}", f"v_{joint}", f"q_{other}", f"v_{other}"
     waves = _waves(x, {1.0, 2.0}) if not slides(robot, other) else []
@@ -79,7 +70,7 @@ def _across(
     smooth += [f"sin({q}) * {u}^2", f"sin({x}) * {u}^2"]
     smooth += [f"a_{other}", f"cos({q}) * a_{other}", f"cos({x}) * a_{other}"]
     level = [x, f"|{x}|", f"{x}^2", f"|{u}|", *waves]
-    level += [f"|gravity_{other}|"] * _weighs(robot, other, motions)
+    level += [f"|gravity_{other}|"] * _weighs(robot, other, seen)
     if not robot.floating_size:
         smooth.append(f"load_{other}")
         level.append(f"|load_{other}|")
@@ -91,10 +82,10 @@ def _waves(position: str, orders: Iterable[float]) -> list[str]:
     return [f"{wave}({number}{position})" for number in numbers for wave in ("sin", "cos")]
 
 
-def _weighs(robot: Robot, joint: str, motions: Sequence[Motion]) -> bool:
+def _weighs(robot: Robot, joint: str, seen: Evidence) -> bool:
     """Whether gravity asks anything of a joint."""
     term = TorqueTerm.parse(f"gravity_{joint}")
-    few = [m.replace(position=m.position[::200], velocity=0.0 * m.velocity[::200]) for m in motions]
+    few = [m.replace(position=m.position[::200], velocity=m.velocity[::200]) for m in seen.motions]
     return any(np.ptp(term.value(robot, motion)) > 1e-6 for motion in few)
 
 

@@ -143,13 +143,12 @@ def contact_forces(robot: Robot, log: Log) -> dict[str, FloatArray]:
 
     An axis that the log lacks is zero; a contact of which it holds no axis is left out.
     """
-    zero, forces = np.zeros(len(log)), {}
-    for contact in robot.contacts:
-        axes = [f"{contact.name}.force.{axis}" for axis in "xyz"]
-        if any(log.has(axis) for axis in axes):
-            columns = [log.column(axis) if log.has(axis) else zero for axis in axes]
-            forces[contact.name] = np.stack(columns, axis=1)
-    return forces
+    zero, measured = np.zeros(len(log)), log.contacts
+    return {
+        name: np.stack([log.columns.get(f"{name}.force.{axis}", zero) for axis in "xyz"], axis=1)
+        for name in (contact.name for contact in robot.contacts)
+        if name in measured
+    }
 
 
 def read_channels(robot: Robot, log: Log, step: float | None = None) -> Record:

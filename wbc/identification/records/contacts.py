@@ -199,7 +199,10 @@ def active_contacts(
     names = [contact.name for contact in robot.contacts]
     flagged = [n for n in names if log.has(f"{n}.active") and n not in log.contacts]
     if flagged or any(name in log.contacts for name in names):
-        return {name: _held(log, f"{name}.active", grid) for name in flagged}
+        # A flag holds until the next row.
+        rows = np.searchsorted(log.time, grid + 1e-9, side="right") - 1
+        rows = np.clip(rows, 0, len(log) - 1)
+        return {name: log.column(f"{name}.active")[rows] > 0.5 for name in flagged}
     moved = moving_contact(robot, position)
     if moved is not None:
         raise IdentificationError(
@@ -219,9 +222,3 @@ def moving_contact(robot: Robot, position: FloatArray) -> tuple[str, float] | No
     most = int(np.argmax(distances))
     moves = distances[most] > _STANDS
     return (robot.contacts[most].name, float(distances[most])) if moves else None
-
-
-def _held(log: Log, name: str, grid: FloatArray) -> BoolArray:
-    """Return a flag on the grid: that of the last row at or before each time."""
-    rows = np.searchsorted(log.time, grid + 1e-9, side="right") - 1
-    return np.asarray(log.column(name)[np.clip(rows, 0, len(log) - 1)] > 0.5)

@@ -155,7 +155,7 @@ def drive_torques(log: Log, transmission: Transmission) -> DriveTorque:
         for quantity, slope in (("position", law.stiffness), ("velocity", law.damping)):
             seen[quantity] = np.zeros(len(log))
             if slope.any():
-                seen[quantity] = _at_motor(log, transmission, row, quantity, "feedback_delay")
+                seen[quantity] = _at_motor(log, transmission, row, quantity)
         lag = float(transmission.velocity_lag[row])
         if seen["velocity"].any() and lag > 0.0:
             seen["velocity"] = _lagging(seen["velocity"], lag / log.sample_time)
@@ -180,14 +180,15 @@ def _number(transmission: Transmission, row: int, name: str, key: str = "") -> f
 
 
 def _at_motor(
-    log: Log,
-    transmission: Transmission,
-    row: int,
-    quantity: str = "target_position",
-    time: str = "target_delay",
+    log: Log, transmission: Transmission, row: int, quantity: str = "target_position"
 ) -> FloatArray:
-    """Return a quantity of the joints (N,) at the output of one motor, D^-1 q, by `time` later."""
-    total, delay = np.zeros(len(log)), float(getattr(transmission, time)[row])
+    """Return a quantity of the joints (N,) at the output of one motor, D^-1 q, as the drive has it.
+
+    A target comes later by `target_delay`, what the drive sees of its motion by `feedback_delay`.
+    """
+    targeted = quantity.startswith("target")
+    delays = transmission.target_delay if targeted else transmission.feedback_delay
+    total, delay = np.zeros(len(log)), float(delays[row])
     for share, joint in zip(transmission.motor_from_joint[row], transmission.joints, strict=True):
         name = f"{joint}.{quantity}"
         if share == 0.0 or (quantity == "target_velocity" and not log.has(name)):
