@@ -1,9 +1,8 @@
 """The fit of a servo recovers what a plant of its own was made with."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,17 +10,12 @@ import pytest
 from wbc.cli import main
 from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import IdentificationError
-from wbc.identification.servo import ServoFit, Span, fit_rollouts, fit_servos
+from wbc.identification.servo import Span, fit_rollouts, fit_servo
 from wbc.measurement import Log, save_log
 from wbc.robot import Robot
 from wbc.sim.servo_rollout import DcDrive, ServoRun
 
 STEP = 0.004
-
-
-def fit_servo(build: Any, spans: Any, runs: Sequence[Any], step: float, **how: Any) -> ServoFit:
-    """One fit to all runs."""
-    return fit_servos(build, spans, runs, step, [range(len(runs))], **how)[0]
 
 
 def followed(

@@ -241,18 +241,18 @@ def fit_rollouts(
     _require_motor(robot)
     spans, build = _spans(robot), partial(_build, robot)
     runs, folds = [_run(robot, log) for log in logs], _folds(logs)
-    subsets = [[k for k in range(len(runs)) if k not in out] for out in ([], *folds)]
+    parts = [[run for k, run in enumerate(runs) if k not in out] for out in ([], *folds)]
     found: list[RolloutModel] = []
     for name, numbers in MODELS.items():
         progress(name)
         own = {number: spans[number] for number in numbers}
         # Each model starts from the usual numbers, and from those that the smaller one ended at.
         starts = [{}, *(model.fit.values for model in found[-1:])]
-        fits = fit_servos(build, own, runs, _STEP, subsets, starts, _HOLD)
-        held = zip(fits[1:], folds, strict=True)
-        errors = [np.mean(fit.error([runs[k] for k in out], _STEP)) for fit, out in held]
-        seen = float(np.mean(fits[0].error(runs, _STEP)))
-        found.append(RolloutModel(name, fits[0], seen, np.array(errors)))
+        fit, *others = (fit_servo(build, own, part, _STEP, starts, _HOLD) for part in parts)
+        held = zip(others, folds, strict=True)
+        errors = [np.mean(one.error([runs[k] for k in out], _STEP)) for one, out in held]
+        seen = float(np.mean(fit.error(runs, _STEP)))
+        found.append(RolloutModel(name, fit, seen, np.array(errors)))
     drive = DcDrive(float(robot.transmission.supply_voltage[0]))
     given = ServoFit({}, robot, drive, ()).error(runs, _STEP)
     return Rollouts(
@@ -315,16 +315,15 @@ class ServoFit:
         return np.array([np.mean(np.abs(one)) for one in missed])
 
 
-def fit_servos(
+def fit_servo(
     build: Build,
     spans: Mapping[str, Span],
     runs: Sequence[ServoRun],
     step: float,
-    subsets: Sequence[Sequence[int]],
     starts: Sequence[Mapping[str, float]] = ({},),
     hold: float = 0.0,
-) -> list[ServoFit]:
-    """Return one fit for each subset of the runs.
+) -> ServoFit:
+    """Return a servo fitted to runs.
 
     Bounded least squares with a soft-L1 loss; the derivatives are differences, and one rollout
     simulates the variants of all of them.
@@ -334,7 +333,6 @@ def fit_servos(
         spans: name -> bounds and start.
         runs: measured runs.
         step: time step of the runs [s].
-        subsets: rows of `runs` that each fit sees.
         starts: overrides of the starts; the best fit of all is returned.
         hold: how strongly each number is held to its start in `spans`: doubling it costs as much as
             a single residual of hold [rad]. It only decides what the runs leave open (friction
@@ -343,7 +341,7 @@ def fit_servos(
     Raises:
         IdentificationError: nothing to fit, or no run.
     """
-    if not spans or not subsets or any(len(subset) == 0 for subset in subsets):
+    if not spans or not runs:
         raise IdentificationError("fitting a servo needs at least one number and one run.")
     low, center, high = np.array(list(spans.values())).T
     scale = np.maximum(np.abs(center), 0.02 * (high - low))
@@ -351,40 +349,36 @@ def fit_servos(
     def named(x: FloatArray) -> dict[str, float]:
         return dict(zip(spans, map(float, x), strict=True))
 
-    def residuals(points: FloatArray, seen: Sequence[ServoRun]) -> FloatArray:
+    def residuals(points: FloatArray) -> FloatArray:
         """Return the errors (V, rows) of V variants, thinned, run after run, then what holds."""
-        positions = servo_rollout([build(named(x)) for x in points], seen, step)
+        positions = servo_rollout([build(named(x)) for x in points], runs, step)
         parts = [
             positions[: run.position.size : _EVERY, :, k] - run.position[::_EVERY, None]
-            for k, run in enumerate(seen)
+            for k, run in enumerate(runs)
         ]
         return np.hstack([np.concatenate(parts).T, hold / scale * (points - center)])
 
-    def slopes(x: FloatArray, seen: Sequence[ServoRun]) -> FloatArray:
+    def slopes(x: FloatArray) -> FloatArray:
         side = np.where(x + _NUDGE * scale > high, -_NUDGE, _NUDGE) * scale
-        here, *near = residuals(np.vstack([x, x + np.diag(side)]), seen)
+        here, *near = residuals(np.vstack([x, x + np.diag(side)]))
         return np.asarray((np.stack(near, axis=1) - here[:, None]) / side)
 
-    best = []
-    for subset in subsets:
-        found = [
-            least_squares(
-                lambda x, seen: residuals(x[None], seen)[0],
-                [start.get(name, span.start) for name, span in spans.items()],
-                slopes,
-                (low, high),
-                x_scale=scale,
-                loss="soft_l1",
-                f_scale=_SOFT,
-                ftol=_ENOUGH,
-                max_nfev=_ITERATIONS,
-                args=([runs[k] for k in subset],),
-            )
-            for start in starts
-        ]
-        least = min(found, key=lambda one: float(one.cost))
-        edge = np.minimum(least.x - low, high - least.x) < 1e-3 * (high - low)
-        at_bound = tuple(name for name, close in zip(spans, edge, strict=True) if close)
-        values = named(least.x)
-        best.append(ServoFit(values, *build(values), at_bound))
-    return best
+    found = [
+        least_squares(
+            lambda x: residuals(x[None])[0],
+            [start.get(name, span.start) for name, span in spans.items()],
+            slopes,
+            (low, high),
+            x_scale=scale,
+            loss="soft_l1",
+            f_scale=_SOFT,
+            ftol=_ENOUGH,
+            max_nfev=_ITERATIONS,
+        )
+        for start in starts
+    ]
+    least = min(found, key=lambda one: float(one.cost))
+    edge = np.minimum(least.x - low, high - least.x) < 1e-3 * (high - low)
+    at_bound = tuple(name for name, close in zip(spans, edge, strict=True) if close)
+    values = named(least.x)
+    return ServoFit(values, *build(values), at_bound)

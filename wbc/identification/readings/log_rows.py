@@ -182,8 +182,6 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
         return None
     length, rate, measured = len(told.torque), told.rate, told.motion.position
     cutoff = _cutoff(measured[:, [own.position_index(n) for n in own.single_joints]], rate)
-    if not rate / length < cutoff < 0.45 * rate:
-        return None
     reported = told.torque * own.transmission.gear_ratio
     torque, behind = (low_pass(x, cutoff, rate, _ORDER) for x in (reported, told.sensed))
     inside = slice(int(_EDGE * length), length - int(_EDGE * length))
