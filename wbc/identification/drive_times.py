@@ -19,7 +19,6 @@ Nothing is early, and no friction gives power. Drives whose torque is late do: -
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 
 import numpy as np
 
@@ -283,12 +282,12 @@ def made_by_own_times(robot: Robot, records: Sequence[Record]) -> FloatArray:
 
 def _made(robot: Robot, records: Sequence[Record]) -> FloatArray:
     """Return (rows, m + b, 3) what a second more of each time makes; zero without a target."""
-    outputs = records[0].weight.shape[1]
+    made = np.zeros((sum(record.rows for record in records), records[0].weight.shape[1], _TIMES))
     followed = np.isfinite(robot.transmission.target_delay)
-    if not followed.any():
-        return np.zeros((sum(record.rows for record in records), outputs, _TIMES))
-    made = np.concatenate([_columns(record)[:, :, :_TIMES] for record in records])
-    return np.asarray(made * np.pad(followed, (0, outputs - followed.size))[:, None])
+    if followed.any():
+        each = np.concatenate([_columns(record)[:, :, :_TIMES] for record in records])
+        made[:, : followed.size] = each * followed[:, None]
+    return made
 
 
 def _times_of(robot: Robot) -> FloatArray:
@@ -314,8 +313,8 @@ def _cheapest(
     joints = np.arange(len(sums))
     alike = [np.full(joints.shape, k) for k in range(len(_OWN))]
     alone = [np.where(joints == k, 0, _OWN.index((_VISCOUS, _INERTIA))) for k in joints]
-    starts = product((*alike, *alone), chosen)
-    each = [_descended(sums, friction, own, free, least) for own, free in starts]
+    starts = [(own, free) for own in (*alike, *alone) for free in chosen]
+    each = [_descended(sums, friction, *start, least) for start in starts]
     return min(each, key=lambda one: one[0])
 
 
@@ -341,7 +340,7 @@ def _normal_equations(
     size = robot.transmission.size
     residual = condensed_residual(robot, records)[:, :size]
     need = np.concatenate([reported_torque(r) for r in records])[:, :size] - residual
-    column = np.concatenate([_columns(record)[:, :size] for record in records])
+    column = np.concatenate([_columns(record) for record in records])
     for k, times in enumerate(_times_of(robot).T):
         residual += times * column[:, :, k]
     column = np.concatenate([column, need[..., None]], axis=2)
@@ -367,7 +366,7 @@ def _normal_equations(
 
 
 def _columns(record: Record) -> FloatArray:
-    """Return (rows, m + b, 11) condensed columns of the times, friction, inertia, load and offset.
+    """Return (rows, m, 11) condensed columns of the times, friction, inertia, load and offset.
 
     What a gear loses is a share of what its links need: what the rotor needs does not pass it.
     Friction that builds up after a reversal is late by itself: on a generated arm it stood for a
@@ -387,9 +386,7 @@ def _columns(record: Record) -> FloatArray:
     load, side = record.load[:, robot.actuated] @ gears.topology, np.sign(velocity)
     dry = side, *memories(angle), np.ones_like(velocity), np.abs(load) * side
     each = late, whole, braking, velocity, acceleration, *dry
-    wide = np.zeros((*record.weight.shape, len(each)))
-    wide[:, : gears.size] = np.stack(each, axis=2)
-    return record.condense(wide)
+    return record.condense(np.stack(each, axis=2))
 
 
 def left_by(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

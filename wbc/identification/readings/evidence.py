@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
-from scipy.special import logsumexp
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.readings.kinds import Reading
@@ -535,7 +534,7 @@ def _likeliest(at: FloatArray) -> tuple[int, float, int]:
     """
     odds = at + _MOVED
     other = int(np.argmax(odds[1:])) + 1
-    prior = float(logsumexp(odds[1:]) - at[other])
+    prior = float(_log_sum(odds[1:]) - at[other])
     return other, prior, other if at[other] + prior > at[0] else 0
 
 

@@ -7,9 +7,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -247,7 +245,7 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
         logs = load_logs(paths[:_LOGS], parse_column_map(table, "", single_ratios(robot)))[:_LOGS]
         found = [finding for own in find_suspicions(logs, robot) for finding in own]
         lacks = [check_robot(log, robot) for log in logs]
-        doubts = [f for f in (*found, *chain(*lacks)) if _mends(f, table)]
+        doubts = [f for own in (found, *lacks) for f in own if _mends(f, table)]
         if not doubts or not left:
             break
         said = {repr(f.mend): f for f in reversed(doubts)}
@@ -303,7 +301,7 @@ def write_robot(
     driven: Sequence[str],
     targets: Sequence[str] = (),
     held: Sequence[str] = (),
-    ratios: Mapping[str, Ratio] = MappingProxyType({}),
+    ratios: Mapping[str, Ratio] | None = None,
     *,
     shared: bool = False,
 ) -> Path:
@@ -332,7 +330,7 @@ def write_robot(
     own = [joint for joint in driven if joint in stated] if shared else driven
     for joint in ("*", *own) if shared else own:
         ratio, inertia = stated.get(joint, (None, None))
-        told, why = ratios.get(joint, (1.0, "torque is then taken behind the gear"))
+        told, why = (ratios or {}).get(joint, (1.0, "torque is then taken behind the gear"))
         known = "it scales every torque: the gains of the drive make the torque of the target"
         gains = [("kp", None, _KP, "N m/rad", known), ("kd", None, _KD, "N m s/rad", "as kp")]
         inertias = ("rotor_inertia", inertia, 0.0, "kg m^2", "the diagnosis can find it")

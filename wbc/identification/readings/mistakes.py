@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeAlias
 
 import numpy as np
 from scipy.special import logsumexp
@@ -184,18 +183,16 @@ _LINKS_WRONG = float(np.log(0.15))  # every joint has its own factor: in two of 
 _MOST = 3  # mistakes that are looked for one after another
 
 
-Found: TypeAlias = tuple[LogFinding, tuple[int, ...]]
-"""A mistake, and the numbers of the logs that have it."""
-
-
-def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[Found]:
+def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[tuple[LogFinding, tuple[int, ...]]]:
     """Return the mistakes in the columns of logs, one after another, each on mended logs.
+
+    With each come the numbers of the logs that have it.
 
     Args:
         robot: the robot that the user believes in.
         logs: of it; those that cannot be held against it are passed over.
     """
-    found: list[Found] = []
+    found: list[tuple[LogFinding, tuple[int, ...]]] = []
     current = list(logs)
     while len(found) < _MOST:
         numbers, judged = _judged(robot, current)

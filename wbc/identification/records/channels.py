@@ -10,8 +10,7 @@ import pinocchio as pin
 from scipy.integrate import cumulative_trapezoid
 
 from wbc.arrays import FloatArray, frozen
-from wbc.dynamics import inertial_parameters
-from wbc.dynamics.batch import point_jacobians
+from wbc.dynamics.batch import inertial_parameters, point_jacobians
 from wbc.errors import LogError
 from wbc.files import as_json
 from wbc.identification.records.contacts import active_contacts

@@ -8,8 +8,7 @@ from itertools import product
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
-from scipy.signal import welch
-from scipy.signal.windows import hann
+from scipy.signal import welch, windows
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.measurement.filters import WINDOW_SAMPLES, low_pass, unsmooth
@@ -194,7 +193,7 @@ def _spectrum(
     By Welch's method; `steep` for a window that leaks less far away.
     """
     length = min(len(values), segment)
-    window = hann(length, sym=False) ** (2 if steep else 1)
+    window = windows.hann(length, sym=False) ** (2 if steep else 1)
     frequency, power = welch(values, rate, window=window, detrend="linear", axis=0)
     # The median of a chi-square variable with few degrees of freedom lies below its mean.
     segments = max(1, 2 * len(values) // length - 1)

@@ -17,8 +17,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import welch
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.dynamics import contact_torque
-from wbc.dynamics.batch import inverse_dynamics
+from wbc.dynamics.batch import contact_torque, inverse_dynamics
 from wbc.identification.records.record import Record, judged, output_count, rms, rows_per_sample
 from wbc.measurement import derivative, low_pass
 

@@ -243,9 +243,8 @@ def silent_drives(
     needed = reported - np.concatenate(list(residuals))[:, :size]
     turns, friction = robot.transmission.motor_from_joint, []
     for record in records:  # speed and direction of every gear, as the residual is condensed
-        speed = np.zeros(record.weight.shape)
-        speed[:, :size] = record.motion.velocity[:, robot.actuated] @ turns.T
-        friction.append(np.stack([record.condense(x)[:, :size] for x in (speed, np.sign(speed))]))
+        speed = record.motion.velocity[:, robot.actuated] @ turns.T
+        friction.append(np.stack([record.condense(x) for x in (speed, np.sign(speed))]))
     rubs, silent = np.concatenate(friction, axis=1), records[0].reported.copy()
     for k in np.flatnonzero(silent):
         given, columns = reported[:, k], np.column_stack([needed[:, k], *rubs[:, :, k]])

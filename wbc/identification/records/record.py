@@ -162,8 +162,12 @@ class Record:
         return len(range(self.edge, len(self.torque) - self.edge, self.stride))
 
     def condense(self, values: FloatArray) -> FloatArray:
-        """Return weighted, low-passed, thinned `values` (N, m + b, ...) -> (rows, m + b, ...)."""
-        weight = self.scale.reshape(*self.scale.shape, *(1,) * (values.ndim - 2))
+        """Return weighted, low-passed, thinned `values` (N, m + b, ...) -> (rows, m + b, ...).
+
+        They may be those of the first outputs alone, such as the gears.
+        """
+        weight = self.scale[:, : values.shape[1]]
+        weight = weight.reshape(*weight.shape, *(1,) * (values.ndim - 2))
         return self.condense_driven(values * weight)
 
     def condense_driven(self, values: FloatArray) -> FloatArray:
