@@ -385,8 +385,7 @@ def _columns(record: Record) -> FloatArray:
     angle = motion.position[:, robot.actuated_position] @ gears.motor_from_joint.T
     load, side = record.load[:, robot.actuated] @ gears.topology, np.sign(velocity)
     dry = side, *memories(angle), np.ones_like(velocity), np.abs(load) * side
-    each = late, whole, braking, velocity, acceleration, *dry
-    return record.condense(np.stack(each, axis=2))
+    return record.condense(np.stack([late, whole, braking, velocity, acceleration, *dry], axis=2))
 
 
 def left_by(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -185,8 +185,7 @@ class TermTable:
     @classmethod
     def at(cls, problem: EstimationProblem, robot: Robot, joint: str, seen: Evidence) -> TermTable:
         """Return the terms at a joint of `robot`, the shapes of some read off what was seen."""
-        band = problem.records[0].bandwidth.residual
-        terms = torque_terms(robot, joint, seen, band)
+        terms = torque_terms(robot, joint, seen, problem.records[0].bandwidth.residual)
         parts = [_columns(robot, record, joint, terms) for record in problem.records]
         whole = np.concatenate([columns for columns, _ in parts]) @ problem.whitening
         outputs = np.flatnonzero(whole.any(axis=(0, 1)))
@@ -391,8 +390,7 @@ def discover(
 
 def _with_drives(found: Discovery, whole: EstimationProblem) -> Discovery:
     """Return what was found, with what is left between the motors and the sensors."""
-    residual = condensed_residual(found.robot, whole.records)
-    left = rms(residual)
+    left = rms(condensed_residual(found.robot, whole.records))
     beyond = left > (1.0 + _EXPLAINED_FLOOR) * whole.floor.values
     names, units = output_names(whole.robot), output_units(whole.robot)
     drives = np.intersect1d(whole.robot.sensed, whole.floor.judged)

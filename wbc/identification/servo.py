@@ -254,11 +254,10 @@ def fit_rollouts(
         seen = float(np.mean(fit.error(runs, _STEP)))
         found.append(RolloutModel(name, fit, seen, np.array(errors)))
     drive = DcDrive(float(robot.transmission.supply_voltage[0]))
-    given = ServoFit({}, robot, drive, ()).error(runs, _STEP)
     return Rollouts(
         models=tuple(found),
         held_out=tuple(tuple(logs[k].source.label for k in out) for out in folds),
-        given=float(np.mean(given)),
+        given=float(np.mean(ServoFit({}, robot, drive, ()).error(runs, _STEP))),
     )
 
 

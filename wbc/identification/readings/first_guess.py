@@ -214,8 +214,7 @@ def _parts(table: Table, mapped: Mapping[str, Any]) -> Mend:
     Raises:
         LogError: the clock lost its digits.
     """
-    rules = parse_column_map({"time": mapped.get("time", {})})
-    time = clock_of(table, rules.time)
+    time = clock_of(table, parse_column_map({"time": mapped.get("time", {})}).time)
     back = np.flatnonzero(np.diff(time) < 0.0)
     if back.size:
         for name in table.names if restarts(time).size else ():

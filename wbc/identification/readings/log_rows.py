@@ -210,8 +210,7 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
         sensed=sensed[thin],
         inertia=typical_inertia(robot, [told]),
     )
-    need = rows.as_is.links
-    if np.all(np.std(need, axis=0) <= _ROUNDING * np.std(rows.torque, axis=0)):
+    if np.all(np.std(rows.as_is.links, axis=0) <= _ROUNDING * np.std(rows.torque, axis=0)):
         return None
     return _behind_unknown_gears(rows)
 

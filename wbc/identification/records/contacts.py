@@ -73,8 +73,7 @@ class ContactBalance:
         gears = np.ones(robot.transmission.size)
         free = np.eye(push.shape[2]) - from_base @ lifts
         felt = robot.transmission.topology.T @ push[:, robot.actuated] @ free
-        size = float(np.max(np.abs(push), initial=0.0))
-        felt[np.abs(felt) < 1e-9 * size] = 0.0
+        felt[np.abs(felt) < 1e-9 * np.max(np.abs(push), initial=0.0)] = 0.0
         inner, unseen = None, None
         if felt.any():
             back = np.linalg.pinv(felt, rcond=_RANK)

@@ -74,8 +74,7 @@ def torque_sources(log: Log, transmission: Transmission) -> list[str]:
     What a drive reports comes first, then its duty, then its target. A duty counts where the gear
     states a resistance: else nothing says what torque it makes.
     """
-    resists = np.isfinite(transmission.resistance)
-    pairs = zip(transmission.joints, resists, strict=True)
+    pairs = zip(transmission.joints, np.isfinite(transmission.resistance), strict=True)
     held = [[q for q in _SOURCES if log.has(f"{j}.{q}") and (q != "duty" or r)] for j, r in pairs]
     return [next(iter(each), "") for each in held]
 

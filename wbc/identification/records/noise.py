@@ -201,8 +201,7 @@ def _close(one: Record, other: Record) -> bool:
     driven = one.robot.actuated
     moving[driven] &= one.weight[:, : driven.size].any(axis=0)
     times = np.asarray(first.time), np.asarray(second.time)
-    between = _difference(first.velocity, times[0], second.velocity, times[1])
-    apart = rms(between)
+    apart = rms(_difference(first.velocity, times[0], second.velocity, times[1]))
     return bool(moving.any() and np.all(apart[moving] < _SAME_MOTION * spread[moving]))
 
 
@@ -222,8 +221,7 @@ def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArr
     forces = {name: _white(record, random, level) for name, level in noise.forces.items()}
     torque -= contact_torque(robot, record.motion.position, forces)
     sensed = _white(record, random, noise.sensed)
-    reported = reported_noise(record, random)
-    return reported, _needed(record, torque, acceleration, sensed)
+    return reported_noise(record, random), _needed(record, torque, acceleration, sensed)
 
 
 def reported_noise(record: Record, random: np.random.Generator) -> FloatArray:

@@ -202,8 +202,7 @@ def _weight(
     acceleration = motion.acceleration[:, rows]  # type: ignore[index]
     period = 1.0 / band.kinematics
     typical = np.sqrt(np.mean(acceleration[settled] ** 2, axis=0))
-    noise_speed = noise.speed_deviation(band)[rows]
-    threshold = period * typical * reversal + 4.0 * noise_speed
+    threshold = period * typical * reversal + 4.0 * noise.speed_deviation(band)[rows]
     threshold = np.minimum(threshold, 0.5 * rms(speed))
     # A joint that holds still all the time carries a load, too.
     threshold *= noise.moving(motion.velocity, band)[rows]

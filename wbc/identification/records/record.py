@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import pinocchio as pin
@@ -138,8 +138,7 @@ class Record:
         known = self._kept.get((what, number))
         if known is None or known[0] != key:
             known = self._kept[what, number] = key, make()
-        value: Kept = known[1]
-        return value
+        return cast(Kept, known[1])
 
     @cached_property
     def stride(self) -> int:
