@@ -215,8 +215,9 @@ def rank_robots(robots: Mapping[str, Robot], logs: Sequence[Log]) -> tuple[Conte
         LogError: a channel is missing.
     """
     problem = EstimationProblem.from_logs(_reference(robots), logs)
-    squares = {}
-    for name, robot in robots.items():
+    squares, sensors = {}, problem.robot.torque_sensors
+    for name, given in robots.items():
+        robot = given.with_torque_sensors(sensors)
         records = [record.believing(robot) for record in problem.records]
         squares[name] = (condensed_residual(robot, records) @ problem.whitening) ** 2
     best, *others = sorted(squares, key=lambda name: float(squares[name].mean()))
