@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -322,12 +323,12 @@ class LinkInertias(RedrawnLinks):
         Raises:
             EffectError: a number that no body has.
         """
-        known: dict[str, dict[str, float]] = {}
+        known = defaultdict[str, dict[str, float]](lambda: dict.fromkeys(LOG_CHOLESKY, 0.0))
         for name, value in (values or {}).items():
             body, _, own = name.rpartition(".")
             if own not in LOG_CHOLESKY or not body:
                 raise EffectError(unknown_name(f"parameter of {cls.name}", name, LOG_CHOLESKY))
-            known.setdefault(body, dict.fromkeys(LOG_CHOLESKY, 0.0))[own] = float(value)
+            known[body][own] = float(value)
         return cls(where, tuple((body, tuple(own.values())) for body, own in known.items()))
 
     @classmethod
