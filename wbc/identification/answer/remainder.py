@@ -25,6 +25,7 @@ _BINS = 12
 _MATTERS = 2.0  # floors above which an output is mentioned
 _DEPENDS = 0.15  # share of variance above which a dependence is mentioned
 _MANY = 100.0  # floors from which on they are not counted: a recorded slide keeps 82
+# Variable on which a remainder depends -> what to record next.
 _EXPERIMENTS = {
     "acceleration": "move {} fast with small strokes in several poses, with and without a known "
     "weight: the inertia of a link or rotor may be wrong",
@@ -39,7 +40,6 @@ _EXPERIMENTS = {
     "time": "repeat one motion of {} for several minutes and record the temperature",
     "temperature": "repeat one motion of {} cold and warm",
 }
-"""Variable on which a remainder depends -> what to record next."""
 _ELSEWHERE = "move {0} alone while {1} holds still: what is left at {1} follows the motion of {0}"
 _NOT_DRIVEN = "move {0} alone: what is left at {1} follows the motion of {0}"
 _FOLDS = 5  # of interleaved blocks, each predicted from the others

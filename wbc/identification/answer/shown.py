@@ -22,8 +22,8 @@ from wbc.tables import TextTable
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+# Of a screen: what `repr` shows at most.
 _LINES = 24
-"""Of a screen: what `repr` shows at most."""
 _LONG = 1e6  # width from which on an interval is written with exponents
 _LOST = 1e3  # [rad, m] error from which a simulation has left the log
 _NONE = 1e-6  # [rad, m] finer than an encoder of 22 bits: nothing moved

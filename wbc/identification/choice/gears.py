@@ -21,8 +21,8 @@ from wbc.links import LinkResponse, deflections
 from wbc.robot import Robot
 from wbc.transmission import Flanks
 
+# Of stiffness, damping and play: what is tried around the best of what was tried before.
 _Factors = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
-"""Of stiffness, damping and play: what is tried around the best of what was tried before."""
 
 _SWINGS = np.geomspace(2.0, 70.0, 22)  # [Hz] of a link behind a spring ...
 _DAMPING = (0.02, 0.1, 0.4)  # ... that is damped by these shares of the critical one

@@ -19,8 +19,8 @@ _STEP = 1e-7  # of the largest load, by which loads are varied
 _SQUEEZES = 3  # rounds in which internal forces and the gears' direction of power settle
 _LEAST_GAIN = 0.2  # a drive model may not shrink the torque it is compared with below this share
 
+# What is unexplained at the rotors (N, m), at the base (N, b), at torque sensors (N, s).
 _Rows = tuple[FloatArray, FloatArray, FloatArray]
-"""What is unexplained at the rotors (N, m), at the base (N, b), at torque sensors (N, s)."""
 
 
 @dataclass(frozen=True, eq=False)
