@@ -28,6 +28,8 @@ Verdict = Literal["none", "named", "ambiguous", "partial", "unknown", "not_repea
 class Estimate:
     """A number that was found: value with the ends of its 90 % interval, in `unit`.
 
+    It is that without doubtful causes; the interval holds the number of the model to use, too.
+
     `given` is what the robot as given has in its place, None where it has nothing of the kind.
     """
 
@@ -61,7 +63,7 @@ class Finding:
     """One effect that the logs show.
 
     Attributes:
-        effect: the effect with its parameters.
+        effect: the effect with its parameters, without doubtful causes.
         parameters: estimates by parameter name.
         support: what speaks for it.
         alternatives: the effects it cannot be told from on these logs.
@@ -299,7 +301,7 @@ class Diagnosis(Shown):
 
     @property
     def effects(self) -> tuple[Effect, ...]:
-        """The effects found, those of `robot`."""
+        """The effects found; `robot` has those of the model to use, with the numbers it uses."""
         return tuple(finding.effect for finding in self.findings)
 
     def intervals(self) -> dict[tuple[str, str, str], tuple[float, float]]:

@@ -60,8 +60,8 @@ def describe_findings(trials: Trials, answer: Answer) -> tuple[Finding, ...]:
 def _findings_of(trials: Trials, h: Hypothesis, answer: Answer) -> list[Finding]:
     """Return the causes of a hypothesis with intervals, alternatives and warnings.
 
-    The interval of a number holds what it would be without the doubtful causes, too: where one of
-    these does a part of its work, nobody knows which of the two is right.
+    Numbers of causes that are believed are those without the doubtful ones, which may do a part of
+    their work in the model; intervals hold the numbers of the model, too.
     """
     problem, fit = trials.problem, trials.fit(h)
     related = _moving_together(fit, correlation_of(problem, fit))
@@ -69,7 +69,8 @@ def _findings_of(trials: Trials, h: Hypothesis, answer: Answer) -> list[Finding]
     findings = []
     distortion = problem.distortion(fit, hurried=trials.hurried)
     each = estimates_of(problem, fit, distortion, _without_doubtful(problem, fit, answer))
-    for k, (effect, estimates) in enumerate(zip(fit.effects, each, strict=True)):
+    for k, (used, estimates) in enumerate(zip(fit.effects, each, strict=True)):
+        effect = used.with_values({name: e.value for name, e in estimates.items()})
         own = answer.support[effect.key]
         if own.belief < EVEN:
             findings.append(Finding(effect, estimates, own))
@@ -93,14 +94,16 @@ def _findings_of(trials: Trials, h: Hypothesis, answer: Answer) -> list[Finding]
 def _without_doubtful(problem: EstimationProblem, fit: Fit, answer: Answer) -> FloatArray:
     """Return (p,) the steps of a fit's numbers, in their scales, to where doubtful causes are gone.
 
-    To first order; nothing where links are simulated, whose derivatives say little.
+    To first order: of no shape, and nothing where links are simulated, whose derivatives say
+    little.
     """
     doubtful = [e for e in fit.effects if answer.support[e.key].belief < EVEN]
     if fit.swings or not doubtful:
         return np.zeros(len(fit.parameters))
     gone = until_null(fit, doubtful, problem.robot)
     step = Normal.of(fit.known, fit.moment).step_with(*gone)
-    step[gone[0]] = 0.0
+    stays = [row for row, (_, parameter) in enumerate(fit.parameters) if parameter.shape]
+    step[[*gone[0], *stays]] = 0.0
     return step
 
 
@@ -116,17 +119,21 @@ def estimates_of(
         problem: the logs.
         fit: to them.
         distortion: (p,) see `EstimationProblem.distortion`; computed where it is not given.
-        also: (p,) steps to other values that the intervals hold, in the parameters' scales.
+        also: (p,) steps from the fit's numbers to those that are told, in the parameters' scales;
+            intervals hold both.
     """
     found: list[dict[str, Estimate]] = [{} for _ in fit.effects]
     moved = problem.distortion(fit) if distortion is None else distortion
     bounds = problem.interval_bounds(fit, moved, also)
-    for (k, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
+    steps = np.broadcast_to(also, len(bounds)).tolist()
+    rows = zip(fit.parameters, bounds, steps, strict=True)
+    for (k, parameter), (low, high), step in rows:
         effect = fit.effects[k]
         given = effect.null_of(problem.robot, parameter)
         nothing = parameter.shape or given == parameter.null
+        value = effect.values[parameter.name] + step * parameter.scale
         found[k][parameter.name] = Estimate(
-            effect.values[parameter.name],
+            min(max(value, parameter.low), parameter.high),
             unit_at(problem.robot, effect.where, parameter.unit),
             float(low),
             float(high),
