@@ -187,9 +187,9 @@ def _gearboxes() -> Rows:
     return rows
 
 
+# What there is a list of -> its columns, and what returns the rows.
 _LISTS: dict[str, tuple[str, Callable[[], Rows]]] = {
     "robots": ("robot|driven joints|contacts", _robots),
     "effects": ("effect|what it is|parameters", _effects),
     "gearboxes": ("gearbox|kind|reduction|efficiencies|kg m^2|source", _gearboxes),
 }
-"""What there is a list of -> its columns, and what returns the rows."""

@@ -26,12 +26,9 @@ _BUSY: Complaint = (
 )
 _OF_GEARS = "output_torque", "mesh_torque", "expected_speed", "certainty", "velocity"
 _UNASKED = {"solution": None, "refused": None, "solve_time": 0.0, "rounds": 0, "iterations": 0}
+# Greatest part of a speed that damping may take away in one tick. With k ticks between encoder and
+# motor a share above 2 sin(pi/(4 k + 2)) oscillates: 2 without any, 0.28 with five.
 _SHARE = 0.25
-"""Greatest part of a speed that damping may take away in one tick.
-
-With k ticks between encoder and motor a share above 2 sin(pi/(4 k + 2)) oscillates: 2 without
-any, 0.28 with five.
-"""
 
 
 class Fallback:

@@ -65,13 +65,13 @@ SECTIONS: Mapping[str, Any] = {
     **{"rows": {"split": "log"}, "time": {"from": "t"}, "columns": {"hip.position": "q1"}},
     "trusted": True,
 }
+# Quantity of a log -> power of N by which a value on the rotor becomes it: psi = phi / N and motor
+# torque = N rotor torque.
 _POWERS = {
     **dict.fromkeys(ENCODER_RATES, -1),
     **dict.fromkeys(("rotor_position", "rotor_velocity", "rotor_torque"), 0),
     "motor_torque": 1,
 }
-"""Quantity of a log -> power of N by which a value on the rotor becomes it: psi = phi / N and
-motor torque = N rotor torque."""
 
 
 _RULE: Mapping[str, Any] = {
@@ -83,12 +83,12 @@ _TIME: Mapping[str, Any] = {
     **{"from": "t", "unit": "ms", "rate": 1000.0, "offset": 0.5, "align_velocity": True},
     "repeated": ("error", "first", "spread"),
 }
+# Key of a section -> what may stand there: a value like this one, or like those of the list, or one
+# of the words.
 _ROWS: Mapping[str, Any] = {
     **{"split": "log", "where": {"log": "A.0/*"}, "topic": "/joint_states", "header": ["time"]},
     "between": [0.0, 10.0],
 }
-"""Key of a section -> what may stand there: a value like this one, or like those of the list, or
-one of the words."""
 
 
 def _checked(

@@ -39,6 +39,7 @@ CLOCKS = ("ms", "us", "ns")
 
 _DEGREES, _TURNS, _THOUSANDTHS = {"unit": "deg"}, {"unit": "turn"}, {"scale": 0.001}
 _RPM, _PER_TURN, _PER_DEGREE = {"unit": "rpm"}, {"unit": "turn/s"}, {"unit": "deg/s"}
+# What velocity beside position of a joint shows: kind, clause, and what a map says of each.
 _OF_MOTION: tuple[tuple[str, str, Mapping[str, Any], Mapping[str, Any]], ...] = (
     ("degrees", "the position is in degrees", _DEGREES, {}),
     ("degrees", "the velocity is in deg/s", {}, _PER_DEGREE),
@@ -55,7 +56,6 @@ _OF_MOTION: tuple[tuple[str, str, Mapping[str, Any], Mapping[str, Any]], ...] = 
     ("gear_side", "the position is that of the rotor", {"side": "rotor"}, {}),
     ("gear_side", "the velocity is that of the rotor, in rpm", {}, {"side": "rotor", **_RPM}),
 )
-"""What velocity beside position of a joint shows: kind, clause, and what a map says of each."""
 
 
 def of_motion(joint: str, ratio: float, counted: bool) -> Iterator[tuple[str, str, Mend]]:

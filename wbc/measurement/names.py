@@ -13,13 +13,13 @@ MOTION = ("position", "velocity")
 """Quantities by which a file tells whose its columns are."""
 _KINDS = {"s", *(unit for units in JOINT_QUANTITIES.values() for unit in units)} - {"1"}
 _NAMED = [unit for unit, (kind, _) in LOG_UNITS.items() if kind in _KINDS]
+# Words of a name in lower case -> the unit that they name.
 _UNITS = {
     **{unit.lower().replace("/", " ").replace("^", " "): unit for unit in _NAMED},
     **{unit.lower().replace("/", " per "): unit for unit in _NAMED if "/" in unit},
     **{unit.lower().replace(" ", ""): unit for unit in _NAMED if "/" not in unit},
     **{"turns": "turn", "sec": "s", "seconds": "s", "c": "deg C"},
 }
-"""Words of a name in lower case -> the unit that they name."""
 
 _QUANTITIES = {
     quantity: words.split()

@@ -53,8 +53,8 @@ __all__ = [
     "with_wrong_efficiencies",
 ]
 
+# From light to heavy: a name comes from the first that has it.
 _HOMES = "ground", "sensors", "energy", "step.tables", "plant", "simulation", "closed_loop"
-"""From light to heavy: a name comes from the first that has it."""
 
 
 def __getattr__(name: str) -> Any:

@@ -16,8 +16,8 @@ from wbc.robot.model_file import driven_joints
 from wbc.sim.ground import BALL, BOX, HeightField, Terrain
 from wbc.sim.step.tables import Bodies, Obstacles
 
+# Most places in which a body touches a height field beside its corners.
 _ON_FIELDS = 16
-"""Most places in which a body touches a height field beside its corners."""
 
 
 class Barriers:

@@ -20,6 +20,7 @@ from wbc.sim.step.tables import BOOK, LENGTH, RESTITUTION, RETURN_SPEED, TIME, S
 
 _NONE = np.empty(0)
 _COARSE = "the step is too long: of {what} J that it moved, {size:.3g} J came from nowhere"
+# Kinds of events with their texts, by the numbers that the loops have for them.
 _TEXTS = (
     ("energy", "the step made {size:.3g} J ({what})"),
     ("coarse", f"{_COARSE}; shorten dt"),
@@ -36,7 +37,6 @@ _TEXTS = (
         "robot contacts there, or the link collision geometry",
     ),
 )
-"""Kinds of events with their texts, by the numbers that the loops have for them."""
 
 
 @dataclass(frozen=True, slots=True)

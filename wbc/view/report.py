@@ -39,13 +39,13 @@ with needs("view", "writing a report"):
 
 _STRONG = 0.1
 _MOST_DEPENDENCES = 10
+# What a variable is whose name does not say it.
 _VARIABLES = {
     "direction": "forth or back",
     "mesh power": "load times speed",
     "load against direction": "size of the load, minus when moving back",
     "rotor angle": "within one turn of the motor",
 }
-"""What a variable is whose name does not say it."""
 _UNIT = re.compile(
     r"(?<=\d) (?=%|N\b|kg\b|s\b|s/rad|rad|m\b|floors|noise floors)|(?<=>) (?=\d)|(?<=m) (?=s/rad)"
 )

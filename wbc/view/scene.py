@@ -20,13 +20,13 @@ from wbc.view.shapes import LinkShape, UprightCylinder, along
 
 ARROW_HEAD = 0.055
 """Length of the head of a force arrow, of the robot's size."""
+# Radius of a pin over half the thickness of its link: the link still shows around it.
 _PIN = 0.6
-"""Radius of a pin over half the thickness of its link: the link still shows around it."""
 
 
+# Of the robot's size, how far from a joint a mesh still decides about its disc: whole links of
+# TALOS asked for discs that hid the robot.
 _NEAR = 0.07
-"""Of the robot's size, how far from a joint a mesh still decides about its disc: whole links of
-TALOS asked for discs that hid the robot."""
 
 
 def scene_size(robot: Robot, shapes: tuple[LinkShape, ...]) -> float:

@@ -33,8 +33,8 @@ _BINDS = 1e-6
 _EMPTY = np.zeros(0)
 SOLVED: Complaint = (Status.SOLVED, "")
 NOTHING = QPSolution(_EMPTY, _EMPTY, _EMPTY, QPStatus.FAILED, 0)
+# A bound of its cost, the directions it decides, and bounds to start from.
 _Node = tuple[float, IntArray, IntArray]
-"""A bound of its cost, the directions it decides, and bounds to start from."""
 
 
 class DirectedSolution(NamedTuple):

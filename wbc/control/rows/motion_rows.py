@@ -15,8 +15,8 @@ from wbc.control.rows.gear_rows import add_force
 from wbc.mechanics.kinematics import placed_at, product
 from wbc.mechanics.linear import add_times, dot, products
 
+# [rad/s^2] that brakes without a limit are taken to give: within a tick whatever is needed.
 _MOST = 1e9
-"""[rad/s^2] that brakes without a limit are taken to give: within a tick whatever is needed."""
 _LEAST = 1.0  # [rad/s^2] deceleration to count on where the load leaves none
 INSIDE = 0.1
 """Share of the way from an edge to the middle that a centre of mass at rest keeps from the edge."""
@@ -78,9 +78,9 @@ def keep_over_feet(program: ProgramMemory, vx: float, vy: float, row: int) -> No
             return
 
 
+# What balancing reads of each unit of v: x and z of the foot, x and z of the centre of mass, the
+# angular momentum about +y, and the pitch of a frame.
 _FOOT_X, _FOOT_Z, _COM_X, _COM_Z, _SPIN, _PITCH = range(6)
-"""What balancing reads of each unit of v: x and z of the foot, x and z of the centre of mass, the
-angular momentum about +y, and the pitch of a frame."""
 
 
 @compiled

@@ -18,9 +18,9 @@ from wbc.sim.step.tables import RETURN_SPEED, Opened
 NEAR = 0.05
 """[m, rad] within which corners are looked at one by one, and barriers bound how one is lifted."""
 
+# Of what an overlap is taken back by. In 2,400 steps of thrown bodies (1 ms, 1 m/s) contacts that
+# press opened by up to 5e-7 m, and where the nearest place changed by 3e-3 m.
 _JUMPED = 0.1
-"""Of what an overlap is taken back by. In 2,400 steps of thrown bodies (1 ms, 1 m/s) contacts that
-press opened by up to 5e-7 m, and where the nearest place changed by 3e-3 m."""
 
 
 @inner

@@ -161,11 +161,11 @@ def flow_until(plant: Opened, step: float) -> tuple[int, float, bool]:
 
 _SLOW = 1e-9
 _ROUNDING = 1e-9
+# Shares of the restitution tried between none and all; the loss is quadratic in the share while
+# rows keep to their pieces, so that false position meets it soon.
 _SHARES = 5
-"""Shares of the restitution tried between none and all; the loss is quadratic in the share while
-rows keep to their pieces, so that false position meets it soon."""
+# Of what a step may do, for an impact with restitution: there is another without.
 _SHARE_OF_WORK = 0.1
-"""Of what a step may do, for an impact with restitution: there is another without."""
 
 
 @inner
@@ -310,8 +310,8 @@ def settle(plant: Opened, left: float, goes_on: bool) -> bool:
 NO_COMMAND, PART_FAILED, IMPACT_FAILED = 1, 10, 20
 """What a step returns that failed; that of a part or an impact more by what `solve_part` says."""
 
+# Share of a step that is none.
 _OVER = 1e-9
-"""Share of a step that is none."""
 
 
 @inner

@@ -28,16 +28,16 @@ from wbc.mechanics.memory import whole_of
 from wbc.mechanics.newton import RANGES, SEVERAL, newton, proximal, residual, solve_laws, speeds_at
 from wbc.mechanics.rows import RowSystem, copied
 
+# [rad/s] below which two solutions count as one.
 _SLOWEST = 1e-9
-"""[rad/s] below which two solutions count as one."""
 
+# Gears tried in all ranges: 3^6 of them.
 _MOST = 6
-"""Gears tried in all ranges: 3^6 of them."""
 
 _SYSTEMS = 300  # linear systems of proximal rounds for one choice of ranges
+# Of the tolerance, from which on speeds are those of two solutions. With 10 and with 1e6 random
+# steps (tests/sim/step), and jacks and legs on light rotors, have the same solutions.
 _APART = 1e4
-"""Of the tolerance, from which on speeds are those of two solutions. With 10 and with 1e6 random
-steps (tests/sim/step), and jacks and legs on light rotors, have the same solutions."""
 _HIGH, _FALL, _LOW = range(3)
 
 
