@@ -63,12 +63,7 @@ def rigid_mesh(t: Array, coulomb: Array, forward: Array, backward: Array) -> tup
 
 
 def next_losses(
-    numbers: Numbers,
-    bent: Array,
-    torque: Array,
-    velocity: Array,
-    acceleration: Array,
-    step: float,
+    numbers: Numbers, bent: Array, torque: Array, velocity: Array, acceleration: Array, step: float
 ) -> tuple[Array, Array, Array, Array]:
     """Return what the losses do in the next step, for any number of robots at once.
 

@@ -182,7 +182,7 @@ class Setup:
         room = words, words.view(np.int64), np.zeros(2, np.int64), self._address(self._take_more)
         self._heap = stored(Heap(*room))
         self.plant = self._opened(tree, bounds)
-        self._check_rotors()
+        self._check_rotors(inertia)
 
     def _opened(self, tree: Tree, bounds: FloatArray) -> tables.Opened:
         """Return numbers and memory as the structure that compiled loops read and write."""
@@ -366,11 +366,12 @@ class Setup:
             told.gyration[0, :nv] = found.link_bias
             told.gyration[0, nv:] = ratio * found.rotor_bias
 
-    def _check_rotors(self) -> None:
+    def _check_rotors(self, inertia: FloatArray) -> None:
         """Refuse rotors that spin more inertia than the links that carry them have.
 
-        The links' inertia holds that of their rotors at standstill. Without it, H - C' I_r^-1 C
-        with the rows C of the coupling, nothing negative may be left: the kinetic energy would be.
+        The links' inertia H (nv, nv) holds that of their rotors at standstill. Without it,
+        H - C' I_r^-1 C with the rows C of the coupling, nothing negative may be left: the kinetic
+        energy would be.
 
         Raises:
             SimulationError: the kinetic energy can be negative; it names the heaviest rotor.
@@ -381,8 +382,7 @@ class Setup:
             return
         spin = robot.transmission.rotor_inertia
         turning = found.inertia[spin > 0.0] / np.sqrt(spin[spin > 0.0])[:, None]
-        inertia = pin.crba(self.space.model, self.space.data, robot.neutral())
-        shares = turning @ np.linalg.solve(np.triu(inertia) + np.triu(inertia, 1).T, turning.T)
+        shares = turning @ np.linalg.solve(inertia, turning.T)
         if np.linalg.eigvalsh(shares).max(initial=0.0) >= 1.0:
             names = [j for j, own in zip(robot.transmission.joints, spin, strict=True) if own > 0.0]
             worst = int(np.argmax(np.diag(shares)))
