@@ -180,11 +180,10 @@ class Structure:
 
         Args:
             label: of the kind.
-            arrays: a kind, as in `wbc.compiled`, and the names of the arrays of it. Behind them
-                may stand their shape, numbers or names of sizes: such arrays are made where they
-                are not given.
-            fields: name -> kind of array or structure; `Count` or `Flag` for a number that stays
-                the same.
+            arrays: a kind, as in `wbc.compiled`, and the names of the arrays of it, or of numbers
+                that stay the same (`int`, `bool`). Behind them may stand their shape, numbers or
+                names of sizes: such arrays are made where they are not given.
+            fields: name -> kind of array, structure or number.
         """
         self._shapes: dict[str, tuple[Any, ...]] = {}
         for kind, names, *shape in arrays:

@@ -14,7 +14,7 @@ from wbc.robot import BodySurface, Robot
 from wbc.robot.body_contacts import Hull, ground_box, hull_of
 from wbc.robot.model_file import driven_joints
 from wbc.sim.ground import BALL, BOX, HeightField, Terrain
-from wbc.sim.step.tables import Bodies, Obstacles
+from wbc.sim.step.tables import BODIES, Bodies
 
 # Most places in which a body touches a height field beside its corners.
 _ON_FIELDS = 16
@@ -28,8 +28,8 @@ class Barriers:
         points: k contact points.
         pairs: names of p pairs of hulls.
         bodies: the pairs as arrays.
-        obstacles: limits, contact points and what they meet; `asked` only says whether Python alone
-            knows how far some of the ground is.
+        obstacles: limits, contact points and what they meet, arrays by their names in `Obstacles`.
+        asks: whether Python alone knows how far some of the ground is.
         names: of the barriers (2 j + c,): limits, all points for the first of s solids, and so on,
             then those of the pairs.
         size: 2 j + c.
@@ -55,7 +55,6 @@ class Barriers:
         both, pairs = _pairs_of(hulls, robot.surface, terrain, known)
         last = {int(joint): row for row, (joint, _) in enumerate(tree.rows)}
         self.bodies = _tables_of(both, pairs, last, len(robot.contacts))
-        points = _points_of(robot, self.bodies, last, len(terrain.solids))
         solids = np.zeros((len(known), max(map(len, known), default=0)))
         for row, numbers in zip(solids, known, strict=True):
             row[: len(numbers)] = numbers
@@ -68,9 +67,9 @@ class Barriers:
             *(f"'{a}' on '{b}'" for a, b in (self.pairs[i] for i in self.bodies.slots[:, 0])),
         )
         self.size = len(self.names)
-        room = np.zeros((self.points, 3)), np.zeros((self.size - self.limits, 7))
-        counts = self.limits, self.size, int(len(known) < len(terrain.solids))
-        self.obstacles = Obstacles(limit_at, limit_range, *points, solids, *room, *counts)
+        self.asks = len(known) < len(terrain.solids)
+        self.obstacles = _points_of(robot, self.bodies, last, len(terrain.solids))
+        self.obstacles |= {"limit_at": limit_at, "limit_range": limit_range, "solids": solids}
 
 
 def _finite(limits: FloatArray) -> FloatArray:
@@ -122,7 +121,7 @@ def _pairs_of(
 
 def _points_of(
     robot: Robot, bodies: Bodies, last: dict[int, int], solids: int
-) -> tuple[IntArray, FloatArray, IntArray, FloatArray]:
+) -> dict[str, FloatArray | IntArray]:
     """Return contact points, and what stands on both sides of barriers, as of `Obstacles`."""
     contacts, placed = robot.contacts, [robot.contact_place(one) for one in robot.contacts]
     joints = np.array([joint - 1 for joint, _ in placed], dtype=np.int64)
@@ -132,8 +131,9 @@ def _points_of(
     met = np.column_stack((bodies.hulls[bodies.pairs[slots, :2], 1], len(joints) + slots))
     sides = np.concatenate((np.reshape(ground, (-1, 3)), met)).astype(np.int64)
     rubbing = [contact.friction for contact in contacts] * solids
-    frictions = [*rubbing, *[robot.surface.friction] * len(slots)]
-    return joints, np.reshape(balls, (-1, 4)), sides, np.array(frictions, dtype=np.float64)
+    frictions = np.array([*rubbing, *[robot.surface.friction] * len(slots)], dtype=np.float64)
+    points = {"contact_at": joints, "contacts": np.reshape(balls, (-1, 4))}
+    return points | {"sides": sides, "frictions": frictions}
 
 
 def _tables_of(
@@ -167,13 +167,13 @@ def _tables_of(
         count = _ON_FIELDS if field >= 0 else count
         table.append([a, b, len(slots), int(whole), len(slots) + count, field])
         slots += [number] * count
-    return Bodies(
-        np.array(heads, dtype=np.int64).reshape(-1, 9),
-        np.array(shapes).reshape(-1, 6),
-        np.concatenate([np.empty((0, 3)), *(hull.corners for hull in hulls)]),
-        np.concatenate([np.empty((0, 4)), *(hull.planes for hull in hulls)]),
-        np.concatenate([np.empty((0, 12)), *(hull.edges for hull in hulls)]),
-        np.array(ends, dtype=np.int64).reshape(-1, 2),
-        np.array(table, dtype=np.int64).reshape(-1, 6),
-        np.array(slots, dtype=np.int64).reshape(-1, 1),
+    return BODIES.of(
+        hulls=np.array(heads, dtype=np.int64).reshape(-1, 9),
+        shapes=np.array(shapes).reshape(-1, 6),
+        corners=np.concatenate([np.empty((0, 3)), *(hull.corners for hull in hulls)]),
+        planes=np.concatenate([np.empty((0, 4)), *(hull.planes for hull in hulls)]),
+        edges=np.concatenate([np.empty((0, 12)), *(hull.edges for hull in hulls)]),
+        ends=np.array(ends, dtype=np.int64).reshape(-1, 2),
+        pairs=np.array(table, dtype=np.int64).reshape(-1, 6),
+        slots=np.array(slots, dtype=np.int64).reshape(-1, 1),
     )

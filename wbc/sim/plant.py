@@ -224,11 +224,11 @@ class Plant(Ranged):
 
     def gaps(self, state: SimState) -> FloatArray:
         """Return the distance (k,) of the contact points from the ground [m]."""
-        told, poses = self._setup.plant.obstacles, self._setup.plant.placed.poses
+        told, poses = self._setup.barriers.obstacles, self._setup.plant.placed.poses
         self._setup.gaps(state.position)  # which places the bodies
-        turns, own = poses[told.contact_at].reshape(-1, 4, 3), told.contacts[:, :3, None]
+        turns, own = poses[told["contact_at"]].reshape(-1, 4, 3), told["contacts"][:, :3, None]
         points = (turns[:, :3] @ own)[..., 0] + turns[:, 3]
-        return self.terrain.gap(points)[0] - told.contacts[:, 3]
+        return self.terrain.gap(points)[0] - told["contacts"][:, 3]
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
@@ -257,8 +257,8 @@ class Plant(Ranged):
         """
         barriers, stiff = self._setup.barriers, np.zeros(self.robot.model.nv)
         stiff[self.robot.actuated] = 1.0
-        q, at = np.array(position), barriers.obstacles.limit_at[:, 0]
-        q[at] = np.clip(q[at], *barriers.obstacles.limit_range.T)
+        q, at = np.array(position), barriers.obstacles["limit_at"][:, 0]
+        q[at] = np.clip(q[at], *barriers.obstacles["limit_range"].T)
         done = lift(self._setup.plant, stiff, q)
         self._setup.heard()
         if not done:

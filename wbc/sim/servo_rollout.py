@@ -6,20 +6,20 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass, field, replace
 from itertools import product
 from math import inf
-from typing import NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, Ranged, must
-from wbc.compiled import Dense, OutDense, OutPlaces, OutTable, Row, compiled, local, make_ready
+from wbc.compiled import Dense, OutDense, Places, Row, Table, compiled, local, make_ready
 from wbc.effects.tables import effect_table, fill_delivered, fill_torques, left_for_hooks, near_rest
 from wbc.errors import LogError, RobotError
 from wbc.measurement import Log, Machine
 from wbc.mechanics.laws import meeting_speed
 from wbc.mechanics.linear import copy_to
 from wbc.robot import Robot, state_gear
-from wbc.structures import stored, structured
+from wbc.structures import Structure
 
 
 @dataclass(frozen=True)
@@ -125,27 +125,20 @@ RATIO, INERTIA, WEIGHT, PHASE, CONSTANT, COULOMB, VISCOUS = range(7)
 TORQUE, RESISTANCE, SUPPLY, SOURCE, CURRENT, DUTY, HEATING, COOLING = range(7, 15)
 
 
-@structured
-class Servos(NamedTuple):
-    """Variants of a robot with one joint, with drives, each as the machines of some runs are.
-
-    Attributes:
-        numbers: (K, 15) columns RATIO to COOLING: link inertia, gravity's torque weight
-            sin(q + phase) + constant, friction of the rotor, winding, and `DcDrive`.
-        laws: (K, 9) of the gears without what they bring, see `RowSystem`.
-        joints: (E, 3) effects at the joint, see `EffectTable`.
-        effects: (K E, 3) their numbers, variant by variant.
-        drives, gears: (K, 3), (K, 2) see `EffectTable`.
-        kinds: (V L,) which of the K each rollout has, variant by variant and run by run.
-    """
-
-    numbers: OutDense
-    laws: OutDense
-    joints: OutTable
-    effects: OutDense
-    drives: OutDense
-    gears: OutDense
-    kinds: OutPlaces
+# Variants of a robot with one joint, with drives, each as the machines of some runs are.
+#
+#     numbers  (K, 15) columns RATIO to COOLING: link inertia, gravity's torque weight
+#              sin(q + phase) + constant, friction of the rotor, winding, and `DcDrive`
+#     laws     (K, 9) of the gears without what they bring, see `RowSystem`
+#     joints   (E, 3) effects at the joint, see `EffectTable`
+#     effects  (K E, 3) their numbers, variant by variant
+#     drives   (K, 3) see `EffectTable`
+#     gears    (K, 2) see `EffectTable`
+#     kinds    (V L,) which of the K each rollout has, variant by variant and run by run
+SERVOS = Structure(
+    "Servos", (Dense, "numbers laws effects drives gears"), (Table, "joints"), (Places, "kinds")
+)
+Servos = Annotated[Any, SERVOS.kind]
 
 
 @compiled(counted=False)
@@ -279,16 +272,14 @@ def _servos(
         laws.append([0.0, 0.0, gears.reflected_inertia[0], *eta, 0.0, 0.0, np.inf, 0.0])
         tables.append(effect_table(robot))
     kinds = [known[v, m] for v in range(len(variants)) for m in own]
-    return stored(
-        Servos(
-            np.array(numbers),
-            np.array(laws),
-            np.array(tables[0].joints),
-            np.concatenate([table.numbers for table in tables]),
-            np.array([table.drives[0] for table in tables]),
-            np.array([table.gears[0] for table in tables]),
-            np.array(kinds, dtype=np.int64),
-        )
+    return SERVOS.of(
+        numbers=np.array(numbers),
+        laws=np.array(laws),
+        joints=tables[0].joints,
+        effects=np.concatenate([table.numbers for table in tables]),
+        drives=np.array([table.drives[0] for table in tables]),
+        gears=np.array([table.gears[0] for table in tables]),
+        kinds=np.array(kinds, dtype=np.int64),
     )
 
 

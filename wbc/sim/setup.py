@@ -25,7 +25,7 @@ from wbc.sim.step import tables
 from wbc.sim.step.books import survey
 from wbc.sim.step.contacts import gaps_of
 from wbc.sim.step.tables import EffectMemory, SimState
-from wbc.structures import stored
+from wbc.structures import Structure, stored
 
 _Answer = ctypes.CFUNCTYPE(None)
 _STAGES = 4  # most steps have less
@@ -83,7 +83,7 @@ class Drivetrain:
         """Collect the gears of `robot`."""
         self.robot, self.gears = robot, robot.transmission
         gears = self.gears
-        self.rows = np.array(robot.motor_rows)
+        self.rows = robot.motor_rows
         self.loose = np.isfinite(gears.stiffness) | (gears.backlash > 0.0)
         self.any_loose = bool(self.loose.any())
 
@@ -94,18 +94,19 @@ class Drivetrain:
         meshed = [gears.index(e.where) for e in self.robot.effects if "meshed" in e.acts_by]
         kept = ~np.isin(np.arange(m), meshed)
         backward = np.where(kept, gears.backward_efficiency, 1.0)
-        inverse = np.where(kept, 1.0 / gears.forward_efficiency, 1.0)
-        viscous = ratio**2 * gears.rotor_viscous_friction
-        coulomb = np.abs(ratio) * gears.rotor_coulomb_friction
-        numbers = ratio, gears.reflected_inertia, viscous, coulomb, inverse
-        flanks = gears.stiffness, gears.damping, gears.backlash
-        arrays = map(np.array, (*numbers, backward, *flanks, self.rows))
         direct = not self.any_loose and np.array_equal(gears.topology, np.eye(m))
         row = np.where(direct & (backward >= 0.0), self.robot.actuated, -1)
+        numbers = {
+            **{"ratio": ratio, "inertia": gears.reflected_inertia, "backward": backward},
+            "viscous": ratio**2 * gears.rotor_viscous_friction,
+            "coulomb": np.abs(ratio) * gears.rotor_coulomb_friction,
+            "inverse": np.where(kept, 1.0 / gears.forward_efficiency, 1.0),
+            **{"stiffness": gears.stiffness, "damping": gears.damping, "play": gears.backlash},
+            **{"rows": self.rows, "row": row, "alone": ~np.isin(np.arange(nv), row)},
+            **{"yields": self.loose, "loose": self.any_loose},
+        }
         coupled = m if self.robot.rotors_turn_with_links else 0
-        room = np.zeros((coupled, nv)), np.zeros((1, nv + m))
-        alone = ~np.isin(np.arange(nv), row)
-        return tables.Gears._make((*arrays, row, alone, self.loose, *room, self.any_loose))
+        return tables.GEARS.of({"coupled": coupled, "v": nv, "both": nv + m}, **numbers)
 
     def motion(self, state: SimState) -> tuple[FloatArray, FloatArray]:
         """Return deflections (m,) [rad] and speeds (m,) [rad/s] of the motor outputs."""
@@ -186,34 +187,34 @@ class Setup:
 
     def _opened(self, tree: Tree, bounds: FloatArray) -> tables.Opened:
         """Return numbers and memory as the structure that compiled loops read and write."""
-        model, barriers, bases = self.robot.model, self.barriers, free_bases(self.robot)
-        n, m, size = len(tree.joints), len(self.drive.rows), barriers.size
-        nq, nv, told = model.nq, model.nv, barriers.obstacles
-        if bounds[tables.HERTZ] > 0.0:
-            told = told._replace(rigid=told.limits)
-        if told.asked:
-            told = told._replace(asked=self._address(self._ask_ground))
-        rows = m + nv + size + 2 * len(told.touch)
-        pushes = 3 * (barriers.points + len(barriers.pairs))
-        end = m, size, nv, m, m, 2, pushes, 18, 3, nq, nv, nv, rows, nq, nv, m, size, nv
-        now, self._now_kind = _memory(tables.Now, 3, nq, nv, rows, m, m, m, 13, *[size] * 3)
-        ending, self._end_kind = _memory(tables.Ending, *end, *[size] * 4)
-        shapes = (n + 1, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), (3,)
-        placed = *map(np.zeros, shapes), bases, np.zeros((len(bases), 10))
-        placed[0][-1, [0, 4, 8]] = 1.0
+        robot, barriers, bases = self.robot, self.barriers, free_bases(self.robot)
+        model, m, size = robot.model, len(self.drive.rows), barriers.size
+        nv, limits, contacts = model.nv, barriers.limits, size - barriers.limits
         back, gravity = bounds[tables.RESTITUTION], np.linalg.norm(model.gravity.linear)
         bounds[tables.SLOW] = gravity * min(1.0, (1.0 - back) / (2.0 * back) if back > 0.0 else 1.0)
-        meshed = any("meshed" in effect.acts_by for effect in self.robot.effects)
+        meshed = any("meshed" in effect.acts_by for effect in robot.effects)
+        sizes = {"q": model.nq, "v": nv, "m": m, "meshed": m if meshed else 0}
+        sizes |= {"joints": model.njoints - 1, "poses": model.njoints, "bases": len(bases)}
+        sizes |= {"k": barriers.points, "c": contacts, "barriers": size}
+        sizes["rows"] = m + nv + size + 2 * contacts
+        sizes["pushes"] = 3 * (barriers.points + len(barriers.pairs))
+        now, self._now_kind = _memory(tables.NOW, sizes)
+        end, self._end_kind = _memory(tables.ENDING, sizes)
+        placed = tables.PLACED_TREE.of(sizes, bases=bases)
+        placed.poses[-1, [0, 4, 8]] = 1.0
+        rigid = limits if bounds[tables.HERTZ] > 0.0 else size
+        asked = self._address(self._ask_ground) if barriers.asks else 0
+        counts = {"limits": limits, "rigid": rigid, "asked": asked}
+        obstacles = tables.OBSTACLES.of(sizes, **barriers.obstacles, **counts)
         asked = self._address(self._ask_forces) if self.waits else 0
         full = self._address(self._take_more_stages)
-        limit = self.robot.transmission.torque_limit
-        given = -limit, np.array(limit)
-        room = map(np.zeros, (m, m, nv, nv, nv, nv, m if meshed else 0))
-        forces = *effect_table(self.robot), *given, *room, asked, full
-        fixed = tree, told, self.drive.tables(), tables.PlacedTree._make(placed)
-        parts = *map(stored, (*fixed, barriers.bodies, tables.Forces._make(forces))), now, ending
-        stages = np.zeros((_STAGES, len(now.words) + len(ending.words)))
-        return stored(tables.Opened._make((*parts, stages, bounds, self._heap)))
+        known = effect_table(robot)._asdict()
+        forces = tables.FORCES.of(sizes, **known, asked=asked, full=full)
+        forces.high[:] = robot.transmission.torque_limit
+        forces.low[:] = -forces.high
+        stages = np.zeros((_STAGES, len(now.words) + len(end.words)))
+        parts = stored(tree), obstacles, self.drive.tables(), placed, barriers.bodies, forces
+        return stored(tables.Opened(*parts, now, end, stages, bounds, self._heap))
 
     def _ask_ground(self) -> None:
         """Fill gaps and normals of ground that only Python knows."""
@@ -402,14 +403,12 @@ def _memory_at(memory: EffectMemory, acts: Mapping[int, EffectActs], stage: int)
     return memory
 
 
-def _memory(names: Any, *sizes: int) -> tuple[Any, Any]:
-    """Return a structure of arrays as long as `sizes`, and how those before its words lie there."""
-    fields = zip([name for name in names._fields if name != "words"], sizes, strict=True)
-    known, count = names.structure.kind.fields, names._fields.index("words")
-    kinds = [(name, np.dtype(str(known[name].dtype)), (size,)) for name, size in fields]
-    layout = np.dtype(kinds[:count], align=True)
+def _memory(structure: Structure, sizes: Mapping[str, int]) -> tuple[Any, Any]:
+    """Return a structure of new arrays, and how those before its words lie there."""
+    names = list(structure.kind.fields)
+    kept = names[: names.index("words")]
+    shown = vars(structure.of(sizes, words=np.empty(0)))
+    layout = np.dtype([(name, shown[name].dtype, shown[name].shape) for name in kept], align=True)
     words = np.zeros(layout.itemsize // 8)
     record = np.ndarray((), layout, words)
-    more = (np.zeros(shape, kind) for _, kind, shape in kinds[count:])
-    own = [record[name] for name in names._fields[:count]]
-    return stored(names(*own, words, *more)), layout
+    return structure.of(sizes, words=words, **{name: record[name] for name in kept}), layout
