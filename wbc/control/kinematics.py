@@ -21,6 +21,13 @@ from wbc.mechanics.linear import add_cross, add_times, apart, copy_to, dot
 from wbc.robot import Robot
 from wbc.structures import Structure, numbered
 
+# A robot at one state. World axes, spatial vectors at the world's origin, linear over angular.
+#
+# momentum (nv, 6) = A_g', places (j, 12) of joints, rotation column by column before translation,
+# motions (nv, 6) = J', mass_matrix (nv, nv) and com (3,) are pinocchio's own memory. joints and
+# shapes are those of a `Tree` (`wbc.mechanics.kinematics`), without axes and placements, behind a
+# world without mass; from starts on stand the columns of J that move each joint; moved (1,) is one
+# where the rest stands at the state, too, else zero. That `move_joints` writes.
 TREE = Structure(
     "Tree",
     (Dense, "places mass_matrix momentum motions shapes"),
@@ -35,14 +42,6 @@ TREE = Structure(
     (OutRow, "momentum_drift", 6),
     (OutRow, "bias", "v"),
 )
-"""A robot at one state. World axes, spatial vectors at the world's origin, linear over angular.
-
-momentum (nv, 6) = A_g', places (j, 12) of joints, rotation column by column before translation,
-motions (nv, 6) = J', mass_matrix (nv, nv) and com (3,) are pinocchio's own memory. joints and
-shapes are those of a `Tree` (`wbc.mechanics.kinematics`), without axes and placements, behind a
-world without mass; from starts on stand the columns of J that move each joint; moved (1,) is one
-where the rest stands at the state, too, else zero. That `move_joints` writes.
-"""
 TreeMemory = Annotated[Any, TREE.kind]
 
 
@@ -54,6 +53,12 @@ centre of mass, steered by what `PointFootBalanceTask` feeds back."""
 NO_DISTANCE = 1e-6
 """[m] below which a distance has no direction worth the name."""
 
+# Rows of entries e: J (k, nv) and dJ/dt v (k,).
+#
+# plan (e, 7): kind, joint, first row, first component, their number and step, the other joint;
+# offsets (e, 27): rotation and origin in the joint's frame, the arm of a rolling ball, rotation and
+# origin of the other frame; used (e,): 0 where nothing is to be written; places (e, 12): result.
+# Here and in poses (j, 12) rotations stand row by row.
 ROWS = Structure(
     "Rows",
     (Table, "plan"),
@@ -63,13 +68,6 @@ ROWS = Structure(
     (OutDense, "jacobian", "k", "v"),
     (OutRow, "drift", "k"),
 )
-"""Rows of entries e: J (k, nv) and dJ/dt v (k,).
-
-plan (e, 7): kind, joint, first row, first component, their number and step, the other joint;
-offsets (e, 27): rotation and origin in the joint's frame, the arm of a rolling ball, rotation and
-origin of the other frame; used (e,): 0 where nothing is to be written; places (e, 12): result.
-Here and in poses (j, 12) rotations stand row by row.
-"""
 RowsMemory = Annotated[Any, ROWS.kind]
 
 

@@ -10,6 +10,12 @@ from wbc.control.qp.active_set import SolverMemory
 from wbc.control.rows.limits import JointsMemory
 from wbc.structures import Structure, numbered
 
+# The tasks of a level: k rows J qdd = wanted, and c rows that select coordinates.
+#
+# targets (e, 12) as placements; chosen (c,) coordinates, where q holds their positions, and goals
+# (c,); gains and parts (5, k + c) of error, rate, drift, velocity and acceleration; limits of what
+# is fed back, weights and wanted (k + c,); of the selecting rows also the summed weights (nv,) and,
+# as a result, the weighted pull (nv,).
 TASKS = Structure(
     "Tasks",
     (Dense, "targets", "e", 12),
@@ -23,24 +29,27 @@ TASKS = Structure(
     (OutRow, "pull", "v"),
     rows=RowsMemory,
 )
-"""The tasks of a level: k rows J qdd = wanted, and c rows that select coordinates.
-
-targets (e, 12) as placements; chosen (c,) coordinates, where q holds their positions, and goals
-(c,); gains and parts (5, k + c) of error, rate, drift,
-velocity and acceleration; limits of what is fed back, weights and wanted (k + c,); of the selecting
-rows also the summed weights (nv,) and, as a result, the weighted pull (nv,).
-"""
 TasksMemory = Annotated[Any, TASKS.kind]
 
+# The contacts that are active: rows J qdd = target (k,), with damping (k,) [1/s].
+#
+# corners (c, 4): number of the entry of the rows, and a point of its frame [m] on which it rests.
 CONTACTS = Structure(
     "Contacts", (Row, "damping"), (OutRow, "target", "k"), (Dense, "corners"), rows=RowsMemory
 )
-"""The contacts that are active: rows J qdd = target (k,), with damping (k,) [1/s].
-
-corners (c, 4): number of the entry of the rows, and a point of its frame [m] on which it rests.
-"""
 ContactsMemory = Annotated[Any, CONTACTS.kind]
 
+# The gears of a controller, m of them on nv coordinates, and what acts on them in a tick.
+#
+# driven (m,) coordinates, D^-1 and D (m, m), 1/N (m,); M (nv, nv) with which the rotors' housings
+# turn; what the rotors take (m, nv) per qdd, their dry and viscous friction and what else is added
+# to it (m,); slopes of the mesh law at rest, where T sigma > 0, and elsewhere (m,); least and
+# greatest N tau_phi (m,); effects at joints and drives as `EffectTable` holds them; torque of all
+# other effects, and level of their dry friction (nv,); of the observer: torque learned, velocity
+# predicted, bound (nv,), and the rotors' inertia (nv, nv). `blend`: error trusted and speed of
+# certainty [rad/s], correction [1/s], rate of the observer [1/s], 0 without one. Results: bias
+# (nv,), rotor_bias (m,), disturbance (nv,), expected dpsi and its certainty (m,), and slopes (2, m)
+# of the mesh law for T <= 0 and for T > 0; `smooth` and `rubs` (nv,) are memory.
 GEARS = Structure(
     "Gears",
     (Places, "driven"),
@@ -53,20 +62,19 @@ GEARS = Structure(
     (OutRow, "rotor_bias turning sigma", "m"),
     (OutDense, "slopes", 2, "m"),
 )
-"""The gears of a controller, m of them on nv coordinates, and what acts on them in a tick.
-
-driven (m,) coordinates, D^-1 and D (m, m), 1/N (m,); M (nv, nv) with which the rotors' housings
-turn; what the rotors take (m, nv) per qdd, their dry and viscous friction and what else is added to
-it (m,); slopes of the mesh law at rest, where T sigma > 0, and elsewhere (m,); least and greatest
-N tau_phi (m,); effects at joints and drives as `EffectTable` holds them; torque of all other
-effects, and level of their dry friction (nv,); of the observer: torque
-learned, velocity predicted, bound (nv,), and the rotors' inertia (nv, nv). `blend`: error trusted
-and speed of certainty [rad/s], correction [1/s], rate of the observer [1/s], 0 without one.
-Results: bias (nv,), rotor_bias (m,), disturbance (nv,), expected dpsi and its certainty (m,), and
-slopes (2, m) of the mesh law for T <= 0 and for T > 0; `smooth` and `rubs` (nv,) are memory.
-"""
 GearsMemory = Annotated[Any, GEARS.kind]
 
+# The program of one level for one set of contacts. Its rows: tasks, efforts, balance of the
+# undriven coordinates, contacts, what a more important level has decided.
+#
+# The state of a tick is q (nq,), v, the v that was expected of it and that drawn towards the
+# measured one (nv,), and the time until the next tick [s]. `efforts` (e, m) are weights, of N
+# tau_phi where the first of `effort_kinds` (e, 2) is one, of T where it is zero, and of what the
+# mesh loses where the second one, a least torque, is not zero. They read T of the last tick and, in
+# `positive` (m,), whether T > 0. T = map x + output_bias. `limited` (g,) are the gears that have a
+# torque limit, whose rows are the first 2 g bounds; those of joints and distances begin at `joint`.
+# The stated bounds are those of the solver but where a more important level has to pass. Part p of
+# a block of results stands from ends[p] to ends[p + 1].
 PROGRAM = Structure(
     "Program",
     (OutRow, "position", "q"),
@@ -88,18 +96,6 @@ PROGRAM = Structure(
     solver=SolverMemory,
     joint=Count,
 )
-"""The program of one level for one set of contacts. Its rows: tasks, efforts, balance of the
-undriven coordinates, contacts, what a more important level has decided.
-
-The state of a tick is q (nq,), v, the v that was expected of it and that drawn towards the measured
-one (nv,), and the time until the next tick [s]. `efforts` (e, m) are weights, of N tau_phi where
-the first of `effort_kinds` (e, 2) is one, of T where it is zero, and of what the mesh loses where
-the second one, a least torque, is not zero. They read T of the last tick and, in `positive` (m,),
-whether T > 0. T = map x + output_bias. `limited` (g,) are the gears that have a torque limit, whose
-rows are the first 2 g bounds; those of joints and distances begin at `joint`. The stated bounds are
-those of the solver but where a more important level has to pass. Part p of a block of results
-stands from ends[p] to ends[p + 1].
-"""
 ProgramMemory = Annotated[Any, PROGRAM.kind]
 
 BLEND = numbered("trusted full_speed correction observes")

@@ -43,6 +43,19 @@ With 16, 32 and 48 the median hostile tick of Solo12 takes 269, 208 and 189 us, 
 is 418, 460 and 478 us. Each step takes one bound: where more are broken at first, none is tried.
 """
 
+# A program that keeps its structure, a diagonal D and rows, and memory for its solution.
+#
+#     min   1/2 x'D x - pull'x + 1/2 sum over the soft rows of (G x - right)^2 / softness
+#                              + 1/2 sum over the bounds that give of (beyond)^2 / give
+#     s.t.  G x = right in the hard rows, lower <= C x <= upper in all other bounds
+#
+# Below the program's own rows (.., n) there is room for n bounds that bind. `taken` (r,) says which
+# do: +1 the upper one, -1 the lower one, 0 neither; it is what a tick starts from. `give` (r,) is
+# the softness of a bound that binds, 0 for one that must be kept. `force` (..,) are the multipliers
+# of all rows, `active` the numbers of the bounds that stand among them, `push` how hard these push,
+# and `last` (n,) the last solution. `sizes` (2,): BASE, how many rows stand before the bounds, and
+# START, the first bound that the program has. `tolerance` (1,) is how far beyond its bound a row
+# may be, and a push below zero.
 SOLVER = Structure(
     "Solver",
     (OutDense, "rows scaled", "k", "n"),
@@ -56,20 +69,6 @@ SOLVER = Structure(
     (OutPlaces, "sizes", 2),
     (Row, "tolerance"),
 )
-"""A program that keeps its structure, a diagonal D and rows, and memory for its solution.
-
-    min   1/2 x'D x - pull'x + 1/2 sum over the soft rows of (G x - right)^2 / softness
-                             + 1/2 sum over the bounds that give of (beyond)^2 / give
-    s.t.  G x = right in the hard rows, lower <= C x <= upper in all other bounds
-
-Below the program's own rows (.., n) there is room for n bounds that bind. `taken` (r,) says which
-do: +1 the upper one, -1 the lower one, 0 neither; it is what a tick starts from. `give` (r,) is the
-softness of a bound that binds, 0 for one that must be kept. `force` (..,) are the multipliers of
-all rows, `active` the numbers of the bounds that stand among them, `push` how hard these push, and
-`last` (n,) the last solution. `sizes` (2,): BASE, how many rows stand before the bounds, and START,
-the first bound that the program has. `tolerance` (1,) is how far beyond its bound a row may be, and
-a push below zero.
-"""
 BASE, START = range(2)
 SolverMemory = Annotated[Any, SOLVER.kind]
 

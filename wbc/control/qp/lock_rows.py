@@ -22,6 +22,9 @@ _HALF = 0.5
 # larger than with the wedge open, with 1e-5 six are not, and with 1e-4 it is 0.6 % on fewer states.
 _NARROW = 3e-5
 
+# Memory of `hold`: the rows of all more important tasks (a, n), and room for as many rows as there
+# are equalities, bounds and variables. `ends` (3,): how many orthonormal rows in `kept` are
+# equalities of the robot, and of tasks as well; how many bounds in `binding` are reached.
 LOCK = Structure(
     "Lock",
     (OutDense, "above", "a", "n"),
@@ -31,9 +34,6 @@ LOCK = Structure(
     (OutRow, "scales", "n"),
     (OutPlaces, "ends", 3),
 )
-"""Memory of `hold`: the rows of all more important tasks (a, n), and room for as many rows as there
-are equalities, bounds and variables. `ends` (3,): how many orthonormal rows in `kept` are
-equalities of the robot, and of tasks as well; how many bounds in `binding` are reached."""
 LockMemory = Annotated[Any, LOCK.kind]
 
 

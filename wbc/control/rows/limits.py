@@ -169,11 +169,10 @@ class JointLimit:
 
 
 _ARRAYS = get_type_hints(JointLimit, include_extras=True)
+# The arrays of a `JointLimit`, and of the last tick the torque on the coordinates less M qdd.
+#
+# `load` (nv,) is NaN where there was none, (0,) where nobody asks.
 JOINTS = Structure("Joints", load=OutRow, **{name: _ARRAYS[name] for name in [*_ARRAYS][1:]})
-"""The arrays of a `JointLimit`, and of the last tick the torque on the coordinates less M qdd.
-
-`load` (nv,) is NaN where there was none, (0,) where nobody asks.
-"""
 JointsMemory = Annotated[Any, JOINTS.kind]
 
 
