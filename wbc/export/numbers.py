@@ -41,7 +41,7 @@ class JointNumbers:
         unsaid: sentences on what none of these numbers holds.
     """
 
-    def __init__(self, robot: Robot, told: Container[str] = ()) -> None:
+    def __init__(self, robot: Robot, told: Container[str]) -> None:
         """Read the numbers of a robot with its effects.
 
         Args:

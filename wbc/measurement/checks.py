@@ -304,9 +304,7 @@ def resolution(values: FloatArray) -> float:
     return float(np.median(distances[on_grid] / whole[on_grid]))
 
 
-def plateau(
-    values: FloatArray, position: FloatArray | None = None
-) -> tuple[float, float, float, int]:
+def plateau(values: FloatArray, position: FloatArray | None) -> tuple[float, float, float, int]:
     """Return (lowest, highest, share, runs): how much of a channel is cut off at its extremes.
 
     Only runs of at least three equal samples at an extreme count (a peak touches it once), and only
