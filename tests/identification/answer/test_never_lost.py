@@ -11,6 +11,8 @@ import pytest
 from wbc.arrays import FloatArray
 from wbc.effects import Backlash, CoulombFriction, JointCompliance, ViscousFriction, load_robot
 from wbc.identification import diagnose
+from wbc.identification.answer import diagnose as answer
+from wbc.identification.choice import find_causes as search
 from wbc.identification.choice.find_causes import find_causes
 from wbc.identification.choice.trials import OutOfTime, Trials
 from wbc.identification.model import estimation_problem
@@ -151,3 +153,23 @@ def test_a_diagnosis_that_is_interrupted_answers_soon(logs: tuple[Log, ...]) -> 
         signal.signal(signal.SIGALRM, before)
     assert time.process_time() - begun[0] < 2.0
     assert "interrupted" in found.warnings[0]
+
+
+@pytest.mark.parametrize("place", ["retimed", "look_closer", "model_to_use", "describe_findings"])
+def test_an_interrupt_at_any_time_after_the_search_is_answered(
+    place: str, logs: tuple[Log, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between the search and the answer, or while this was put into words, it took all away."""
+    owner: Any = {"retimed": EstimationProblem, "look_closer": search}.get(place, answer)
+    whole, asked = getattr(owner, place), []
+
+    def interrupted(*given: Any, **more: Any) -> Any:
+        asked.append(place)
+        if len(asked) == 1:
+            raise KeyboardInterrupt
+        return whole(*given, **more)
+
+    monkeypatch.setattr(owner, place, interrupted)
+    found = diagnose(LEG, logs, [CoulombFriction, ViscousFriction])
+    assert "interrupted" in found.warnings[0]
+    assert [effect.key for effect in found.effects] == [KEY]

@@ -80,21 +80,43 @@ def diagnose(
     begun = time.monotonic()
     different, warnings = without_copies(logs)
     problem = EstimationProblem.from_logs(robot, different)
-    nothing_moves = len(problem.still) == robot.transmission.size
-    all_silent = bool(problem.silent) and set(problem.judged_joints) <= set(problem.silent)
     # A robot at rest shows one torque per joint, which anything explains. So does what is no torque
     # of the motion: on a recorded pendulum a soft gear that its other logs contradict was certain.
     wanted = EFFECTS.values() if candidates is None else candidates
-    classes = () if nothing_moves or all_silent else tuple(wanted)
+    classes = () if _nothing_moves(problem) or _all_silent(problem) else tuple(wanted)
     until = begun + _SEARCH * budget
     found = search.find_causes(problem, classes, progress, until)
-    if not found.stopped and (retimed := problem.retimed(robot, found.final.effects)):
-        progress("searching again: beside what was found, the drives have other times")
-        found = search.find_causes(retimed, classes, progress, until)
-    found = search.look_closer(found, classes, progress)
-    answer, found = _answered(found, classes, begun + budget)
+    try:
+        if not found.stopped and (retimed := problem.retimed(robot, found.final.effects)):
+            progress("searching again: beside what was found, the drives have other times")
+            found = search.find_causes(retimed, classes, progress, until)
+        found = search.look_closer(found, classes, progress)
+        return _answered(found, logs, classes, warnings, begun + budget)
+    except KeyboardInterrupt:
+        found = replace(found, stopped=search.INTERRUPTED)
+        return _answered(found, logs, classes, warnings, -inf)
+
+
+def _answered(
+    found: search.SearchResult,
+    logs: Sequence[Log],
+    classes: Sequence[type[Effect]],
+    about_logs: Sequence[str],
+    ends: float,
+) -> Diagnosis:
+    """Return the answer, made of what is known when the time ends or at Ctrl-C.
+
+    Args:
+        found: the search.
+        logs: as they were given.
+        classes: effects that may be used.
+        about_logs: warnings.
+        ends: time [s] of the monotonic clock at which no more hypotheses are fitted.
+    """
     trials = found.trials
-    problem, first = trials.problem, trials.nothing
+    trials.answering = True
+    trials.until = -inf if found.stopped == search.INTERRUPTED else ends
+    answer, problem, first = model_to_use(found, classes), trials.problem, trials.nothing
     final, support, fit = answer.hypothesis, answer.support, trials.fit(answer.hypothesis)
     verdict = verdict_of(problem, first, final, support, answer.more)
     left = remainders(problem, fit) if answer.more else ()
@@ -102,17 +124,19 @@ def diagnose(
     doubtful = [key for key in final.keys if support[key].group_probability < EVEN]
     several = len({name for name, _ in doubtful}) > 1
     asked = NOTHING_MOVES
-    if not nothing_moves:
+    if not _nothing_moves(problem):
         known = {c.name: c for c in classes}
         asked = next_experiment(verdict, findings, left, problem.floor, known, problem.silent)
-    warnings += [
+    warnings = [
+        *about_logs,
         *problem.warnings,
-        *about_silent(problem.silent, every=all_silent),
+        *about_silent(problem.silent, every=_all_silent(problem)),
         *map(_STILL.format, problem.still),
         *_about_the_search(found),
     ]
-    if robot.source and (guessed := ", ".join(guessed_numbers(robot.source.name))):
-        file = Path(robot.source.name).name
+    source = problem.robot.source
+    if source and (guessed := ", ".join(guessed_numbers(source.name))):
+        file = Path(source.name).name
         look_up = f"Look up {guessed} in {file}: every answer rests on these guesses."
         # What to do now is told for every verdict, but for these two it is not the experiment.
         if verdict in ("named", "none"):
@@ -142,25 +166,12 @@ def diagnose(
     )
 
 
-def _answered(
-    found: search.SearchResult, classes: Sequence[type[Effect]], ends: float
-) -> tuple[Answer, search.SearchResult]:
-    """Return the answer, made of what is known when the time ends or at Ctrl-C.
+def _nothing_moves(problem: EstimationProblem) -> bool:
+    return len(problem.still) == problem.robot.transmission.size
 
-    Args:
-        found: the search.
-        classes: effects that may be used.
-        ends: time [s] of the monotonic clock at which no more hypotheses are fitted.
-    """
-    trials = found.trials
-    trials.answering = True
-    trials.until = -inf if found.stopped == search.INTERRUPTED else ends
-    try:
-        return model_to_use(found, classes), found
-    except KeyboardInterrupt:
-        trials.until = -inf
-        found = replace(found, stopped=search.INTERRUPTED)
-        return model_to_use(found, classes), found
+
+def _all_silent(problem: EstimationProblem) -> bool:
+    return bool(problem.silent) and set(problem.judged_joints) <= set(problem.silent)
 
 
 def about_silent(joints: Sequence[str], *, every: bool = False) -> list[str]:
