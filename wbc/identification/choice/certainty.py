@@ -78,8 +78,8 @@ class Support:
         implausible: what its numbers cost that no machine is likely to have [nats].
         tolerated: square of deviations at which what every machine is off by makes what the cause
             adds: drives with times of their own, noise, feet that give way.
-        together: how many causes, with this one, add a torque that the position of the same joint
-            tells; 0 where it does not.
+        together: how many causes that are not doubted, with this one, add a torque that the
+            position of the same joint tells; 0 where it does not.
         varies: evidence that its size is not the same everywhere (`stand_in_evidence`) [nats].
         follows: the variable with which its size changes most surely.
     """
@@ -157,7 +157,7 @@ def support_of(
     """
     before, first = trials.nothing.error, np.maximum(trials.nothing.outputs, 1e-300)
     names, drops = np.array([effect.name for effect in h.effects]), _Drops.of(trials, h)
-    alone = _whatever_is_left(trials, h, odds)
+    alone, places = _whatever_is_left(trials, h, odds)
     doubted: frozenset[Key] = frozenset()
     while True:
         more = unexplained(before, h, excess + drops.without(doubted))
@@ -172,10 +172,12 @@ def support_of(
         for k, key in enumerate(h.keys):
             larger = (names != names[k]) & (sizes > sizes[k]) & tiny[k] & several
             beside = left[k] + _MADE_UP**2 * (larger @ gained)
+            laws = [p for p, own in zip(places, h.keys, strict=True) if own not in doubted - {key}]
             support[key] = replace(
                 alone[k],
                 remainder=_remainder(gained[k] / first, beside / first),
                 explained=not more and not (tiny[k] and tiny.sum() > 1),
+                together=laws.count(places[k]) if places[k] else 0,
             )
         kept = [key for key in h.keys if key not in doubted]
         least = min(kept, key=lambda key: support[key].belief, default=None)
@@ -184,8 +186,11 @@ def support_of(
         doubted |= {least}
 
 
-def _whatever_is_left(trials: Trials, h: Hypothesis, odds: Odds) -> list[Support]:
-    """Return what speaks for each cause of a hypothesis, beside what it explains and what not."""
+def _whatever_is_left(trials: Trials, h: Hypothesis, odds: Odds) -> tuple[list[Support], list[str]]:
+    """Return what speaks for each cause of a hypothesis, beside what it explains and what not.
+
+    With it the joints whose positions tell what they add, see `_place_of`.
+    """
     problem, fit, adds = trials.problem, trials.fit(h), _adds(trials, h)
     told, rivals = stand_in_evidence(problem, h, fit, adds), odds.rivals(h)
     places = [_place_of(problem, *own) for own in zip(h.effects, adds, strict=True)]
@@ -202,12 +207,11 @@ def _whatever_is_left(trials: Trials, h: Hypothesis, odds: Odds) -> list[Support
             expected=effect.search.expected,
             implausible=h.implausible[k],
             tolerated=tolerated[k],
-            together=places.count(places[k]) if places[k] else 0,
             varies=told[k][0],
             follows=told[k][1],
         )
         support.append(own)
-    return support
+    return support, places
 
 
 @dataclass(frozen=True, eq=False)
