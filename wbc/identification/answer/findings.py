@@ -48,12 +48,12 @@ def describe_findings(trials: Trials, answer: Answer) -> tuple[Finding, ...]:
         trials: of the search.
         answer: the model to use, judged.
     """
-    found = _findings_of(trials, answer.hypothesis, answer)
-    if answer.named is not answer.hypothesis:
-        used = answer.hypothesis.keys
+    found, used = _findings_of(trials, answer.hypothesis, answer), answer.hypothesis.keys
+    others = (key for key in answer.named.keys if key not in used)
+    if absent := [key for key in others if answer.support[key].belief >= EVEN]:
         named = _findings_of(trials, answer.named, answer)
-        absent = (f for f in named if f.effect.key not in used and f.support.belief >= EVEN)
-        found += [replace(f, warnings=(_ABSENT, *f.warnings)) for f in absent]
+        own = (finding for finding in named if finding.effect.key in absent)
+        found += [replace(f, warnings=(_ABSENT, *f.warnings)) for f in own]
     return tuple(found)
 
 

@@ -229,13 +229,8 @@ class _Drops:
     @classmethod
     def of(cls, trials: Trials, h: Hypothesis) -> _Drops:
         """Return what is needed for all drops."""
-        sudden = [effect for effect in h.effects if not effect.search.gradual]
-        fewer = {effect.key: trials.of(without(h.effects, effect)) for effect in sudden}
-        fitted = {
-            key: np.maximum(found.outputs - h.outputs, 0.0)
-            for key, found in fewer.items()
-            if found is not None
-        }
+        fewer = _without_sudden(trials, h).items()
+        fitted = {key: np.maximum(found.outputs - h.outputs, 0.0) for key, found in fewer}
         return cls(h.effects, HeldOut.of(trials.problem, trials.fit(h)), fitted)
 
     def without(self, keys: frozenset[Key]) -> FloatArray:
@@ -261,16 +256,22 @@ def _tolerated(problem: EstimationProblem, fit: Fit, h: Hypothesis) -> list[floa
     return tolerated
 
 
+def _without_sudden(trials: Trials, h: Hypothesis) -> dict[Key, Hypothesis]:
+    """Return the fits without each of the causes that derivatives do not follow."""
+    sudden = [effect for effect in h.effects if not effect.search.gradual]
+    fewer = {effect.key: trials.of(without(h.effects, effect)) for effect in sudden}
+    return {key: found for key, found in fewer.items() if found is not None}
+
+
 def _adds(trials: Trials, h: Hypothesis) -> list[FloatArray]:
     """Return (rows, outputs) by which each cause of a hypothesis changes the residual.
 
     By the derivatives of the fit; where these do not tell, by a fit without the cause.
     """
-    fit, found = trials.fit(h), []
+    fit, fewer, found = trials.fit(h), _without_sudden(trials, h), []
     for effect in h.effects:
-        fewer = None if effect.search.gradual else trials.of(without(h.effects, effect))
-        if fewer is not None:
-            found.append(trials.fit(fewer).residual - fit.residual)
+        if effect.key in fewer:
+            found.append(trials.fit(fewer[effect.key]).residual - fit.residual)
         else:
             gone, steps = until_null(fit, (effect,), trials.problem.robot)
             found.append(fit.jacobian[:, :, gone] @ steps)

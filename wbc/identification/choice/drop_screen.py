@@ -106,10 +106,8 @@ class HeldOut:
         for rows, gram, moment in fit.without_each():
             known, along, norm = fit.beside_usual(gram, moment)
             size = np.where(np.isfinite(norm), norm, 1.0)  # a column of zeros may have any step
-            each, left = fit.jacobian[rows].transpose(1, 2, 0), fit.residual[rows].T
-            products = each @ each.swapaxes(1, 2), (each @ left[:, :, None])[:, :, 0]
-            lowest = Normal.in_units(known, along, size)
-            folds.append((lowest, *products, np.sum(left**2, axis=1)))
+            sums = sums_by_output(fit.jacobian[rows].transpose(1, 2, 0), fit.residual[rows].T)
+            folds.append((Normal.in_units(known, along, size), *sums))
         return cls(problem, fit, tuple(folds))
 
     def without(self, dropped: Sequence[Effect]) -> FloatArray:
@@ -120,6 +118,19 @@ class HeldOut:
             step = lowest.step_with(*gone)
             squares += left + 2.0 * moment @ step + step @ gram @ step
         return squares / len(self.fit.residual)
+
+
+def sums_by_output(
+    derivatives: FloatArray, left: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (outputs, p, p), (outputs, p), (outputs,) products of derivatives and what is left.
+
+    Args:
+        derivatives: (outputs, p, rows).
+        left: (outputs, rows).
+    """
+    moment = (derivatives @ left[:, :, None])[:, :, 0]
+    return derivatives @ derivatives.swapaxes(1, 2), moment, np.sum(left**2, axis=1)
 
 
 def without_each(

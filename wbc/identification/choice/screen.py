@@ -24,7 +24,7 @@ from scipy.linalg import block_diag
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.choice.candidate_columns import Regressor, evidence, make_regressors
-from wbc.identification.choice.drop_screen import Normal, cheaper, until_null
+from wbc.identification.choice.drop_screen import Normal, cheaper, sums_by_output, until_null
 from wbc.identification.choice.evidence import Hypothesis, Key, density_gained
 from wbc.identification.model.columns import drawn
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -260,10 +260,8 @@ class CauseScreen:
 
     @cached_property
     def _sums(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(outputs, p, p), (outputs, p), (outputs,) products of derivatives and residual."""
-        by_output, left = self._derivatives, self.fit.residual.T
-        moment = (by_output @ left[:, :, None])[:, :, 0]
-        return by_output @ by_output.swapaxes(1, 2), moment, np.sum(left**2, axis=1)
+        """Products of derivatives and residual, see `sums_by_output`."""
+        return sums_by_output(self._derivatives, self.fit.residual.T)
 
     @cached_property
     def _alone(self) -> list[tuple[list[Numbers], _Products]]:
