@@ -117,10 +117,11 @@ def _answered(
     trials.answering = True
     trials.until = -inf if found.stopped == search.INTERRUPTED else ends
     answer, problem, first = model_to_use(found, classes), trials.problem, trials.nothing
-    final, support, fit = answer.hypothesis, answer.support, trials.fit(answer.hypothesis)
+    final, fit = answer.hypothesis, trials.fit(answer.hypothesis)
+    findings = describe_findings(trials, answer)
+    support = answer.support | {f.effect.key: f.support for f in findings}
     verdict = verdict_of(problem, first, final, support, answer.more)
     left = remainders(problem, fit) if answer.more else ()
-    findings = describe_findings(trials, answer)
     doubtful = [key for key in final.keys if support[key].group_probability < EVEN]
     several = len({name for name, _ in doubtful}) > 1
     asked = NOTHING_MOVES

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.special import ndtr
 
 from wbc.arrays import FloatArray
 from wbc.effects.gear_losses import YieldingGear
@@ -71,7 +72,7 @@ def _findings_of(trials: Trials, h: Hypothesis, answer: Answer) -> list[Finding]
     each = estimates_of(problem, fit, distortion, _without_doubtful(problem, fit, answer))
     for k, (used, estimates) in enumerate(zip(fit.effects, each, strict=True)):
         effect = used.with_values({name: e.value for name, e in estimates.items()})
-        own = answer.support[effect.key]
+        own = replace(answer.support[effect.key], sized=sized(effect, estimates))
         if own.belief < EVEN:
             findings.append(Finding(effect, estimates, own))
             continue
@@ -89,6 +90,25 @@ def _findings_of(trials: Trials, h: Hypothesis, answer: Answer) -> list[Finding]
             warnings.append(_VARIES.format(own.follows))
         findings.append(Finding(effect, estimates, own, rivals, tuple(warnings), quantities))
     return findings
+
+
+def sized(effect: Effect, estimates: Mapping[str, Estimate]) -> float:
+    """Return the probability that a cause is no cause of size nothing, by its intervals.
+
+    One of its numbers is on the side of nothing on which it was found. An interval that ends where
+    the number's range does is as wide there as on its other side. Of numbers that are drawn to what
+    is usual combinations are told, often none alone.
+    """
+    if effect.search.departures(effect).size:
+        return 1.0
+    found = []
+    for p in (p for p in effect.parameters if not p.shape):
+        e = estimates[p.name]
+        beyond = e.value - (p.null if e.given is None else e.given)
+        ends = [(e.value - e.low, e.low == p.low), (e.high - e.value, e.high == p.high)]
+        (side, cut), (other, _) = ends if beyond > 0.0 else ends[::-1]
+        found.append(TAIL * abs(beyond) / max(side, other * cut, 1e-300))
+    return float(ndtr(max(found, default=np.inf)))
 
 
 def _without_doubtful(problem: EstimationProblem, fit: Fit, answer: Answer) -> FloatArray:

@@ -82,6 +82,8 @@ class Support:
             position of the same joint tells; 0 where it does not.
         varies: evidence that its size is not the same everywhere (`stand_in_evidence`) [nats].
         follows: the variable with which its size changes most surely.
+        sized: probability by its intervals that its size is not nothing; these hold its numbers
+            beside doubtful causes, too.
     """
 
     odds: float
@@ -95,6 +97,7 @@ class Support:
     together: int = 0
     varies: float = 0.0
     follows: str = ""
+    sized: float = 1.0
 
     @property
     def probability(self) -> float:
@@ -106,12 +109,12 @@ class Support:
         laws of position at one joint imitate any other such law. What every machine is off by does,
         too: a drive that is late by another time than the others acts like viscous friction.
         """
-        return self.odds * self._no_stand_in(self.varies) * self._beyond_tolerance
+        return min(self.odds * self._shown, self.sized)
 
     @property
     def group_probability(self) -> float:
         """The same for the cause or one that these logs do not tell from it."""
-        return self.group * self._no_stand_in(self.varies) * self._beyond_tolerance
+        return min(self.group * self._shown, self.sized)
 
     @property
     def belief(self) -> float:
@@ -125,6 +128,10 @@ class Support:
     def likely(self) -> bool:
         """Whether it is more probable than not beyond tolerances, even if its size varies."""
         return self.belief * self._beyond_tolerance >= EVEN
+
+    @property
+    def _shown(self) -> float:
+        return self._no_stand_in(self.varies) * self._beyond_tolerance
 
     @property
     def _beyond_tolerance(self) -> float:
