@@ -15,6 +15,7 @@ from wbc.identification.classic import ClassicFit, identify, link_names
 from wbc.identification.formulas import discover
 from wbc.identification.readings import check_logs
 from wbc.measurement import Log
+from wbc.robot import Robot
 from wbc.sim import Sensor
 from wbc.sim.excitation import ENCODER, record_run
 from wbc.transmission import mesh_input
@@ -103,11 +104,18 @@ torque_sensor = true
 """
 
 
-def test_a_robot_that_only_has_the_sensor_needs_no_ratio(sensed: list[Log], tmp_path: Path) -> None:
+def only_sensing(folder: Path) -> Robot:
     model = ROOT / "robots" / "planar_leg" / "planar_leg.urdf"
-    (tmp_path / "robot.toml").write_text(SENSOR_ONLY.format(model=model))
-    robot = load_robot(tmp_path / "robot.toml")
-    logs = [log.select(n for n in log.names if "rotor_torque" not in n) for log in sensed]
+    (folder / "robot.toml").write_text(SENSOR_ONLY.format(model=model))
+    return load_robot(folder / "robot.toml")
+
+
+def without_drives(logs: list[Log]) -> list[Log]:
+    return [log.select(n for n in log.names if "rotor_torque" not in n) for log in logs]
+
+
+def test_a_robot_that_only_has_the_sensor_needs_no_ratio(sensed: list[Log], tmp_path: Path) -> None:
+    robot, logs = only_sensing(tmp_path), without_drives(sensed)
     found = diagnose(robot, logs, KINDS)
     assert [f.effect.key for f in found.findings] == [HEAVY.key]
     assert found.findings[0].parameters["mass"].value == pytest.approx(0.15, rel=0.01)
@@ -118,6 +126,29 @@ def test_a_robot_that_only_has_the_sensor_needs_no_ratio(sensed: list[Log], tmp_
     drives = [log.select(n for n in log.names if "joint_torque" not in n) for log in sensed]
     for quality in check_logs(drives, robot):
         assert ["hip.joint_torque" in f.text for f in quality.of_kind("no_torque")] == [True]
+
+
+def test_the_zero_of_a_sensor_that_reports_alone_is_found(
+    sensed: list[Log], tmp_path: Path
+) -> None:
+    """A recorded arm with zeros of 0.3 to 0.8 N m kept up to its first error, without a word."""
+    name, logs = "hip.joint_torque", without_drives(sensed)
+    off = [log.with_columns({name: log.column(name) + 0.3}) for log in logs]
+    robot, kinds = only_sensing(tmp_path), [*KINDS, EFFECTS["torque_offset"]]
+    found = {f.effect.key: f for f in diagnose(robot, off, kinds).findings}
+    assert found.keys() == {HEAVY.key, ("torque_offset", "hip")}
+    zero = found["torque_offset", "hip"]
+    assert zero.certain
+    assert zero.effect.values["offset"] == pytest.approx(-0.3, abs=0.01)
+    # Nothing is told of drives that report nothing, nor of gears that nobody knows.
+    assert [output.output for output in compare(robot, off).outputs] == ["hip", "knee"]
+    assert EFFECTS["rotor_inertia"].places(robot) == ()
+
+
+def test_drives_that_report_nothing_are_not_told_of(sensed: list[Log]) -> None:
+    """Beside a described gear a sensor alone made "measured 0" of the row of the drive."""
+    outputs = compare(LEG, without_drives(sensed)).outputs
+    assert [output.output for output in outputs] == ["hip (link side)", "knee (link side)"]
 
 
 BENCH = """

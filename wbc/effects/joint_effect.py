@@ -127,6 +127,11 @@ class GearNumbers(JointEffect, ABC):
     numbers: ClassVar[tuple[tuple[str, str, int], ...]] = ()
 
     @classmethod
+    def places(cls, robot: Robot) -> tuple[str, ...]:
+        """Every driven joint whose gear is known."""
+        return tuple(j for j in robot.transmission.joints if j not in robot.sensor_only)
+
+    @classmethod
     def _of_gear(cls, robot: Robot, where: str) -> dict[str, tuple[str, float]]:
         """Return parameter -> attribute of the transmission, and how much larger it is here."""
         ratio = abs(float(robot.transmission.gear_ratio[robot.transmission.index(where)]))

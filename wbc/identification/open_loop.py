@@ -16,7 +16,7 @@ from wbc.errors import LogError, SimulationError
 from wbc.files import as_json
 from wbc.identification.answer.shown import told
 from wbc.identification.records.channels import contact_forces
-from wbc.identification.records.drives import drive_law
+from wbc.identification.records.drives import drive_law, sensors_as_reports
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
 from wbc.measurement import Log, cut_at_gaps
@@ -221,6 +221,7 @@ def open_loop(
     if time.monotonic() > until:
         return late
     pieces, _ = cut_at_gaps(logs)
+    pieces = [sensors_as_reports(robot, piece) for piece in pieces]
     try:
         records = prepare(robot.without_effects().lossless(), pieces)
         pairs = zip(pieces, records, strict=True)

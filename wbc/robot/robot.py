@@ -214,8 +214,8 @@ class Robot(Remade):
         loops: that the model file closes and nothing accounts for: here its links form a tree.
         torque_sensors: driven joints with a torque sensor behind their gear, in the order of the
             transmission: logs then show what the gear gives, apart from what the links need.
-        sensor_only: driven joints of whose gears nothing is known: only what a torque sensor
-            behind them shows is compared.
+        sensor_only: driven joints of whose gears nothing is known: what a torque sensor behind
+            them shows counts as the report of a perfect gear.
         surface: how its links touch the ground where they may (`body_surfaces`).
         before_effects: the robot to which the effects were added, None where there is none: no
             effect was added, or bodies, gears or contacts were changed in code since.

@@ -162,7 +162,7 @@ def compare_problem(problem: EstimationProblem, sources: tuple[LogSource, ...] =
     records, robot = problem.records, problem.robot
     series, left = series_of(robot, records), problem.residual
     outputs, where = [], []
-    for k, name, unit in told_outputs(robot):
+    for k, name, unit in told_outputs(records):
         driven = k < robot.transmission.size
         given = np.concatenate([s.measured[:, k] for s in series]) if driven else np.full(1, np.nan)
         numbers = map(float, (rms(left[:, k]), problem.floor.values[k], rms(given)))

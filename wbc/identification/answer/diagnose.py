@@ -209,7 +209,7 @@ def _outputs(
     reached = np.maximum(after * reached, np.minimum(after, floor.values))
     columns = before, after, reached, floor.values, kept, floor.excesses
     rows = list(zip(*(column.tolist() for column in columns), strict=True))
-    told_of = told_outputs(problem.robot)
+    told_of = told_outputs(problem.records)
     return tuple(told.OutputLevel(name, unit, *rows[k]) for k, name, unit in told_of)
 
 

@@ -35,6 +35,7 @@ from wbc.identification.model.residual import (
 from wbc.identification.model.yielding import rubbing_effects
 from wbc.identification.readings import find_repeats, suspicions
 from wbc.identification.readings.checks import require_readable, require_robot_and_logs
+from wbc.identification.records.drives import sensors_as_reports
 from wbc.identification.records.noise import (
     NoiseFloor,
     close_repeats,
@@ -131,11 +132,12 @@ class EstimationProblem:
         effects: so any two models of one machine are measured by the same floor.
         """
         require_robot_and_logs(robot, logs)
-        robot = robot.with_torque_sensors(sensed_joints(robot, logs))
         pieces, warnings = cut_at_gaps(logs)
         warnings += [*moving_bases(robot, logs), *suspicions(robot, pieces)]
         for piece in pieces:
             require_readable(robot, piece)
+        pieces = [sensors_as_reports(robot, piece) for piece in pieces]
+        robot = robot.with_torque_sensors(sensed_joints(robot, pieces))
         pieces, late = _on_one_clock(robot, pieces)
         robot, prepared, _ = prepared_with_times(robot, pieces)
         warnings += [*late, *about_drive_times(robot)]

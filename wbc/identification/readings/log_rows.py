@@ -15,7 +15,11 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.errors import IdentificationError, LogError
 from wbc.identification.records.channels import read_channels, typical_inertia, without_position
-from wbc.identification.records.drives import reported_share, torque_sources
+from wbc.identification.records.drives import (
+    reported_share,
+    sensors_as_reports,
+    torque_sources,
+)
 from wbc.identification.records.filters import smoothed
 from wbc.measurement.checks import resting_joints
 from wbc.measurement.filters import derivative, differentiate, low_pass
@@ -166,10 +170,8 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     quantities = [name or "joint_torque" * (joint in sensors) for joint, name in pairs]
     # Where a sensor alone tells a torque, it is the report of a perfect gear.
     alone = [joint for joint, n in zip(joints, quantities, strict=True) if n == "joint_torque"]
-    if alone:
-        own = replace(own, sensor_only=())
-        reports = {f"{joint}.motor_torque": log.column(f"{joint}.joint_torque") for joint in alone}
-        log = log.with_columns(reports)
+    own = replace(own, sensor_only=tuple(alone))
+    log = sensors_as_reports(own, log)
     known = {*quantities} <= {*REPORTED, "joint_torque"} and not without_position(own, log)
     if too_short(log) or not joints or not known or resting >= {*own.single_joints}:
         return None

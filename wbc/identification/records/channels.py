@@ -187,8 +187,7 @@ def read_channels(robot: Robot, log: Log, step: float | None = None) -> Record:
         gears = log.machine.transmission.replace(**times)
     # A drive that says nothing is known to be silent where only a sensor behind its gear reports.
     unsensed = np.array([joint not in sensors for joint in gears.joints])
-    driven = np.array([joint not in robot.sensor_only for joint in gears.joints])
-    reported = (tells_torque(log, gears) | unsensed) & driven
+    reported = tells_torque(log, gears) | unsensed
     silent = [joint for joint, yes in zip(gears.joints, reported, strict=True) if not yes]
     told = log.with_columns({f"{joint}.rotor_torque": np.zeros(len(log)) for joint in silent})
     torque, feedback = drive_torques(told, gears)

@@ -13,10 +13,22 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import LogError
 from wbc.measurement.log import Log
 from wbc.measurement.schema import REPORTED
-from wbc.robot import state_gear
+from wbc.robot import Robot, state_gear
 from wbc.transmission import Transmission
 
 _SOURCES = (*REPORTED, "duty", "target_position")
+
+
+def sensors_as_reports(robot: Robot, log: Log) -> Log:
+    """Return a log in which sensors that alone tell a torque are what perfect gears report.
+
+    Of such joints no gear is known (`Robot.sensor_only`): a zero or a scale of the sensor is then
+    that of a report.
+    """
+    alone = [joint for joint in robot.sensor_only if log.has(f"{joint}.joint_torque")]
+    behind = {f"{joint}.motor_torque": log.column(f"{joint}.joint_torque") for joint in alone}
+    told = {f"{joint}.{quantity}" for joint in alone for quantity in (*REPORTED, "joint_torque")}
+    return log.select(name for name in log.columns if name not in told).with_columns(behind)
 
 
 class DriveTorque(NamedTuple):

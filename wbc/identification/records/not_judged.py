@@ -214,10 +214,15 @@ def without_links(robot: Robot) -> tuple[int, ...]:
     return tuple(first + k for k, mass in enumerate(masses) if mass <= 0.0)
 
 
-def told_outputs(robot: Robot) -> list[tuple[int, str, str]]:
-    """Return number, name and unit of every output that an answer tells of."""
+def told_outputs(records: Sequence[Record]) -> list[tuple[int, str, str]]:
+    """Return number, name and unit of every output that an answer tells of.
+
+    Not of drives without a report, where sensors behind their gears report.
+    """
+    robot = records[0].robot
     pairs = enumerate(zip(output_names(robot), output_units(robot), strict=True))
-    unknown = without_links(robot)
+    reported = np.any([record.reported for record in records], axis=0)
+    unknown = {*np.flatnonzero(~reported).tolist(), *without_links(robot)}
     return [(k, *pair) for k, pair in pairs if k not in unknown]
 
 
