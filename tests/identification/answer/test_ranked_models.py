@@ -21,11 +21,13 @@ from wbc.effects import (
 from wbc.errors import IdentificationError
 from wbc.identification import Ranked, compare, diagnose, rank_robots
 from wbc.identification.answer.findings import describe_findings
-from wbc.identification.answer.model_to_use import judged
+from wbc.identification.answer.model_to_use import judged, model_to_use
+from wbc.identification.choice.find_causes import SearchResult
 from wbc.identification.choice.trials import Trials
 from wbc.identification.classic import identify
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log, load_logs
+from wbc.sim.excitation import record_with
 
 GIVEN = load_robot("planar_leg_fixed").lossless()
 TRUE = GIVEN.with_effect(ViscousFriction("knee", 0.5))
@@ -139,6 +141,17 @@ def test_no_joint_of_a_leg_is_left_with_more_than_by_the_classic_fit(tmp_path: P
     kinds = [EFFECTS[name] for name in names.split()]
     left = [output.after for output in diagnose(robot, logs, kinds).outputs]
     assert np.all(left < 1.02 * identify(robot, logs).left)
+
+
+def test_a_plain_fit_brings_only_what_it_has_where_it_is_ahead() -> None:
+    """All that it has came in at every joint: 24 causes of an arm in place of 9, as good."""
+    hidden = CoulombFriction("hip", 0.5), CoulombFriction("knee", 0.4)
+    trials = Trials(EstimationProblem.from_logs(GIVEN, record_with(GIVEN, hidden, duration=4.0)))
+    found = trials.of(hidden[:1])
+    assert found is not None
+    used = model_to_use(SearchResult(trials, found, "its time was over"), [*EFFECTS.values()])
+    assert hidden[1].key in used.hypothesis.keys
+    assert [key for key in used.hypothesis.keys if key[1] != "knee"] == [hidden[0].key]
 
 
 KEY = ("viscous_friction", "knee")

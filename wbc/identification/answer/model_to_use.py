@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import expit
 from scipy.stats import sem
 
@@ -94,8 +95,8 @@ def _best(trials: Trials, names: Answer, classes: Sequence[type[Effect]]) -> Hyp
 
     What was found comes first. It must match the robot as given and the plain fits. What drives
     report beyond a limit is no error where the limit is believed. Last come the plain fits beside
-    what was found, where that is behind them. Links that swing are simulated: beside them no plain
-    fit is tried.
+    what was found, where that is behind them: what they have at the joints where it is, then all.
+    Links that swing are simulated: beside them no plain fit is tried.
     """
     problem, end = trials.problem, names.hypothesis
     if end.only_noise(problem):
@@ -115,8 +116,12 @@ def _best(trials: Trials, names: Answer, classes: Sequence[type[Effect]]) -> Hyp
     def squares_of(h: Hypothesis) -> FloatArray:
         return own if h is end else h.reported
 
-    ahead = [fit for fit in plain if _behind(problem, own, fit.reported).max() > _AS_GOOD]
-    joined = () if end.swings else (_joined(problem, end, fit) for fit in ahead)
+    joined = []
+    for fit in () if end.swings else plain:
+        worse = _judged_outputs(problem)[_behind(problem, own, fit.reported) > _AS_GOOD]
+        there = tuple(effect for effect in fit.effects if effect.where in worse)
+        sets = (there, fit.effects) if worse.size else ()
+        joined += [_joined(problem, end, fit, added) for added in sets]
     longer = (effects for effects in joined if len(effects) > len(end.effects))
     fits = (trials.of(effects) for effects in longer)
     beside = (without_idle(trials, both) for both in fits if both is not None)
@@ -137,8 +142,7 @@ def _without_harm(
     and left 1.04 times as much at the last one.
     """
     ratios = behind(h)
-    judged = np.delete(output_names(trials.problem.records[0].robot), trials.problem.floor.aside)
-    worst = str(judged[int(ratios.argmax())])
+    worst = str(_judged_outputs(trials.problem)[int(ratios.argmax())])
     for effect in h.effects if ratios.max() > _AS_GOOD else ():
         fewer = trials.of(without(h.effects, effect), h) if effect.where == worst else None
         if fewer is not None and behind(ended := trials.ended(fewer)).max() < ratios.max():
@@ -146,17 +150,22 @@ def _without_harm(
     return h
 
 
-def _joined(problem: EstimationProblem, one: Hypothesis, other: Hypothesis) -> tuple[Effect, ...]:
-    """Return the causes of both as a fit of all of them begins.
+def _judged_outputs(problem: EstimationProblem) -> NDArray[np.str_]:
+    return np.delete(output_names(problem.records[0].robot), problem.floor.aside)
+
+
+def _joined(
+    problem: EstimationProblem, one: Hypothesis, other: Hypothesis, added: Sequence[Effect]
+) -> tuple[Effect, ...]:
+    """Return the causes of one, and some of the other, as a fit of all of them begins.
 
     At each joint those of the one that leaves less there have their numbers, the rest begins with
     none: else one torque would be explained twice. On a recorded leg friction and load friction of
     a calf did that, and the fit of all left 1.3 times what one of the two left alone.
     """
-    robot, names = problem.robot, output_names(problem.records[0].robot)
-    judged = [name for k, name in enumerate(names) if k not in problem.floor.aside]
+    robot, judged = problem.robot, _judged_outputs(problem).tolist()
     ahead = dict(zip(judged, one.outputs <= other.outputs, strict=True))
-    mine, theirs = ({effect.key: effect for effect in h.effects} for h in (one, other))
+    mine, theirs = ({effect.key: effect for effect in own} for own in (one.effects, added))
 
     def begun(effect: Effect) -> Effect:
         where = effect.where
