@@ -87,7 +87,7 @@ def model_to_use(found: SearchResult, classes: Sequence[type[Effect]]) -> Answer
     most = trials.best_of([*others, found.final])
     names = judged(trials, most)
     used = _best(trials, names, classes) if classes else most
-    return names if used is most else _doubting(trials, judged(trials, used), names)
+    return names if used is most else _doubting(trials, used, names)
 
 
 def _best(trials: Trials, names: Answer, classes: Sequence[type[Effect]]) -> Hypothesis:
@@ -177,23 +177,26 @@ def _joined(
     return tuple(begun(effect) for effect in {**mine, **theirs}.values())
 
 
-def _doubting(trials: Trials, answer: Answer, names: Answer) -> Answer:
-    """Return an answer that believes in no more names than the end of the search.
+def _doubting(trials: Trials, h: Hypothesis, names: Answer) -> Answer:
+    """Return the answer with a model that holds more causes than those that are named.
 
     What came in for its torque is at most as probable as not, and not more than it is beside all
     others: no hypothesis that lacks one of them was tried.
     """
-    h, support = answer.hypothesis, {}
     each = [(np.inf, 0.0)] * len(h.effects)
     if not h.swings:
         each = losses(trials.problem, trials.fit(h), h, [(effect,) for effect in h.effects])
-    for key, (loss, gain) in zip(h.keys, each, strict=True):
-        own = answer.support[key]
-        alone = EVEN * float(expit(loss - gain))
-        support[key] = replace(own, odds=min(own.odds, alone), group=min(own.group, alone))
-    rivals = dict.fromkeys(h.keys, ()) | names.rivals
-    support |= names.support
-    return replace(answer, support=support, rivals=rivals, more=names.more, named=names.named)
+    alone = (EVEN * float(expit(loss - gain)) for loss, gain in each)
+    pairs = zip(h.keys, alone, strict=True)
+    support = {key: Support(own, own, 0.0, 0.0, explained=True) for key, own in pairs}
+    return replace(
+        names,
+        hypothesis=h,
+        odds=odds_of(trials, h),
+        level=attainable(trials.problem, trials.fit(h)),
+        support=support | names.support,
+        rivals=dict.fromkeys(h.keys, ()) | names.rivals,
+    )
 
 
 def _behind(problem: EstimationProblem, mine: FloatArray, theirs: FloatArray) -> FloatArray:
