@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import expit
 
 from wbc.arrays import FloatArray
 from wbc.identification.choice.constancy import stand_in_evidence
-from wbc.identification.choice.drop_screen import HeldOut, until_null, without_each
+from wbc.identification.choice.drop_screen import Drops, until_null, without_each
 from wbc.identification.choice.evidence import Hypothesis, Key, weigh, without
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -163,7 +163,9 @@ def support_of(
         excess: (outputs,) mean squares above the floor that are left unexplained, in floors.
     """
     before, first = trials.nothing.error, np.maximum(trials.nothing.outputs, 1e-300)
-    names, drops = np.array([effect.name for effect in h.effects]), _Drops.of(trials, h)
+    names, fewer = np.array([effect.name for effect in h.effects]), _without_sudden(trials, h)
+    fitted = {key: np.maximum(one.outputs - h.outputs, 0.0) for key, one in fewer.items()}
+    drops = Drops.of(trials.problem, trials.fit(h), fitted)
     alone, places = _whatever_is_left(trials, h, odds)
     doubted: frozenset[Key] = frozenset()
     while True:
@@ -219,36 +221,6 @@ def _whatever_is_left(trials: Trials, h: Hypothesis, odds: Odds) -> tuple[list[S
         )
         support.append(own)
     return support, places
-
-
-@dataclass(frozen=True, eq=False)
-class _Drops:
-    """What a hypothesis leaves more of held-out data without some of its causes.
-
-    By derivatives; of a cause that they do not follow a fit without it tells what it explains.
-    """
-
-    effects: tuple[Effect, ...]
-    held_out: HeldOut
-    fitted: dict[Key, FloatArray]
-    _known: dict[frozenset[Key], FloatArray] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, trials: Trials, h: Hypothesis) -> _Drops:
-        """Return what is needed for all drops."""
-        fewer = _without_sudden(trials, h).items()
-        fitted = {key: np.maximum(found.outputs - h.outputs, 0.0) for key, found in fewer}
-        return cls(h.effects, HeldOut.of(trials.problem, trials.fit(h)), fitted)
-
-    def without(self, keys: frozenset[Key]) -> FloatArray:
-        """Return (outputs,) mean squares in floors."""
-        by_fits = sum(self.fitted[key] for key in keys.intersection(self.fitted))
-        gone = keys.difference(self.fitted)
-        for own in (gone, frozenset[Key]()):
-            if own not in self._known:
-                dropped = [effect for effect in self.effects if effect.key in own]
-                self._known[own] = self.held_out.without(dropped)
-        return np.maximum(self._known[gone] - self._known[frozenset()], 0.0) + by_fits
 
 
 def _tolerated(problem: EstimationProblem, fit: Fit, h: Hypothesis) -> list[float]:

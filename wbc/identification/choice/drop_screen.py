@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.identification.choice.evidence import Hypothesis, asked, density_gained, without
+from wbc.identification.choice.evidence import Hypothesis, Key, asked, density_gained, without
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit, change_along, scaled
 from wbc.robot import Effect, Robot
@@ -84,12 +84,15 @@ def losses(
 
 
 @dataclass(frozen=True, eq=False)
-class HeldOut:
-    """What a fit leaves of data that it has not seen, without some of its causes, to first order.
+class Drops:
+    """What a fit leaves more of data that it has not seen, without some of its causes.
+
+    To first order; of a cause that derivatives do not follow a fit without it tells.
 
     Attributes:
         problem: the logs.
         fit: of a hypothesis.
+        fitted: (outputs,) mean squares more, by name and place, where a fit tells them.
         folds: what all other folds tell of the numbers, and the products of each fold: (outputs, p,
             p) and (outputs, p) of derivatives, along with one another and with what is left there,
             and (outputs,) squares of that.
@@ -97,10 +100,12 @@ class HeldOut:
 
     problem: EstimationProblem
     fit: Fit
+    fitted: Mapping[Key, FloatArray]
     folds: tuple[tuple[Normal, FloatArray, FloatArray, FloatArray], ...]
+    _known: dict[frozenset[Key], FloatArray] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, problem: EstimationProblem, fit: Fit) -> HeldOut:
+    def of(cls, problem: EstimationProblem, fit: Fit, fitted: Mapping[Key, FloatArray]) -> Drops:
         """Return what is needed for all drops."""
         folds = []
         for rows, gram, moment in fit.without_each():
@@ -108,16 +113,24 @@ class HeldOut:
             size = np.where(np.isfinite(norm), norm, 1.0)  # a column of zeros may have any step
             sums = sums_by_output(fit.jacobian[rows].transpose(1, 2, 0), fit.residual[rows].T)
             folds.append((Normal.in_units(known, along, size), *sums))
-        return cls(problem, fit, tuple(folds))
+        return cls(problem, fit, fitted, tuple(folds))
 
-    def without(self, dropped: Sequence[Effect]) -> FloatArray:
-        """Return (outputs,) held-out mean squares without some causes."""
-        gone = until_null(self.fit, dropped, self.problem.robot)
-        squares = np.zeros(self.fit.residual.shape[1])
-        for lowest, gram, moment, left in self.folds:
-            step = lowest.step_with(*gone)
-            squares += left + 2.0 * moment @ step + step @ gram @ step
-        return squares / len(self.fit.residual)
+    def without(self, keys: frozenset[Key]) -> FloatArray:
+        """Return (outputs,) mean squares more, in floors."""
+        gone = keys.difference(self.fitted)
+        more = np.maximum(self._left(gone) - self._left(frozenset()), 0.0)
+        return np.asarray(more + sum(self.fitted[key] for key in keys.intersection(self.fitted)))
+
+    def _left(self, keys: frozenset[Key]) -> FloatArray:
+        if keys not in self._known:
+            own = [effect for effect in self.fit.effects if effect.key in keys]
+            gone = until_null(self.fit, own, self.problem.robot)
+            squares = np.zeros(self.fit.residual.shape[1])
+            for lowest, gram, moment, left in self.folds:
+                step = lowest.step_with(*gone)
+                squares += left + 2.0 * moment @ step + step @ gram @ step
+            self._known[keys] = squares / len(self.fit.residual)
+        return self._known[keys]
 
 
 def sums_by_output(
