@@ -90,6 +90,14 @@ def test_noise_as_large_as_what_the_motion_needs_is_set_aside_too(friction: list
     assert EstimationProblem.from_logs(ROBOT, friction).silent == ()
 
 
+def test_reports_that_follow_links_of_other_inertias_are_judged() -> None:
+    """Two joints of an arm whose masses are guessed were said not to follow their motion."""
+    folder = "strangers/01_kuka_sign"
+    robot = load_robot(outside(f"{folder}/robot.toml")).lossless()
+    logs = load_logs([outside(f"{folder}/k{k}.csv") for k in (1, 2, 3)])
+    assert EstimationProblem.from_logs(robot, logs).silent == ()
+
+
 def test_logs_of_two_machines_are_seen_to_disagree(friction: list[Log]) -> None:
     other = [friction[0], recorded()["hip that rubs more"]]
     for logs, disagree in ((other, True), (friction, False)):
