@@ -27,6 +27,12 @@ def test_a_drive_scales_its_report_and_an_offset_comes_on_top(leg: Robot, motion
     np.testing.assert_allclose(1.2 * both[:, 1] - 0.7, needed(leg, motion)[:, 1])
 
 
+def test_a_column_with_a_positive_offset_reads_too_low(leg: Robot, motion: Motion) -> None:
+    offset = effects.TorqueOffset("knee", 0.7)
+    assert np.all(needed(leg.with_effect(offset), motion)[:, 1] < needed(leg, motion)[:, 1])
+    assert "positive offset says that the column reads too low" in offset.explanation
+
+
 def test_effects_at_one_place_add_up(leg: Robot, motion: Motion) -> None:
     one, two, both = (effects.ViscousFriction("knee", level) for level in (0.1, 0.3, 0.4))
     found, known = needed(leg.with_effects(one, two), motion), needed(leg.with_effect(both), motion)

@@ -48,14 +48,15 @@ class TorqueOffset(JointEffect):
     """The drive delivers its reported torque plus a constant.
 
     Attributes:
-        offset: delivered minus reported, on the motor output side [N m].
+        offset: delivered minus reported, on the motor output side [N m]; where it is positive, the
+            column reads too low.
     """
 
     offset: float = field(metadata=number("N m", 0.0, -10000.0, 10000.0, 0.2))
 
     explanation = (
         "A current sensor has a zero error, or a constant load such as a tensioned cable is "
-        "not in the model."
+        "not in the model. A positive offset says that the column reads too low."
     )
     experiment = "Hold the joint unloaded, coming from both sides: the mean torque is not zero."
 
