@@ -316,8 +316,8 @@ def _names(
             (words,) = _split([said], mark).rows
             if len({*words}) == len(words) == len(first):
                 return tuple(words)
-        wanted = ["time", *(f"column_{k}" for k in range(2, len(first) + 1))]
-        way = say_so({"rows": {"header": wanted}}, "give their true names")
+        wanted = [f"column_{k}" for k in range(1, len(first) + 1)]
+        way = say_so({"rows": {"header": wanted}}, "give their true names (time of a clock)")
         raise LogError(
             f"'{path}' has no header line: its first line is a row ({', '.join(first)}). "
             f"Write the names of the {len(first)} columns above it, or {way}"
