@@ -63,9 +63,8 @@ def require_logs(logs: Sequence[Log]) -> None:
         raise IdentificationError("a sequence of logs is expected; give one log as [log].")
     several = isinstance(logs, Iterable) and not isinstance(logs, str | Path)
     for odd in (one for one in (logs if several else [logs]) if not isinstance(one, Log)):
-        said = repr(odd if several else str(odd))
-        way = "read files with load_logs([...])."
-        raise IdentificationError(f"logs are expected, not {said}; {way}")
+        said = f"logs are expected, not {odd if several else str(odd)!r}; "
+        raise IdentificationError(f"{said}read files with load_logs([...]).")
 
 
 def require_readable(robot: Robot, log: Log) -> None:
@@ -366,5 +365,4 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
 
 
 def _gravest_first(findings: Sequence[LogFinding]) -> tuple[LogFinding, ...]:
-    order = ("error", "warning", "info")
-    return tuple(sorted(findings, key=lambda finding: order.index(finding.severity)))
+    return tuple(sorted(findings, key=lambda f: ("error", "warning", "info").index(f.severity)))

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.identification.readings.kinds import Reading
+from wbc.identification.readings.kinds import LINKS, Reading, Turn
 from wbc.identification.readings.log_rows import BEHIND_GEARS, LogRows, Need
 from wbc.identification.records.record import rms
 from wbc.measurement.column_map import ColumnRule, parse_column_map
@@ -288,46 +288,36 @@ class Judged(NamedTuple):
 
     def score(self, as_is: Judged, logs: Sequence[int]) -> float:
         """Return the weight of this reading of some logs, none if it brings no report closer."""
-        return self.weight(as_is, logs) if self.closer(as_is, logs) else -inf
+        right = self.reading.kind == LINKS or self.closer(as_is, logs)
+        return self.weight(as_is, logs) if right else -inf
 
     def weight(self, as_is: Judged, logs: Sequence[int]) -> float:
         """Return the log of prior times evidence if some logs are read so, others as they stand."""
         each = [(self if k in logs else as_is).reports[k] for k in range(len(self.reports))]
         return self.reading.prior + log_evidence(each)
 
-    def changed(self, as_is: Judged, logs: Sequence[int]) -> list[tuple[int, int]]:
-        """Return (log, joint) of the reports that this reading changes."""
-        pairs = [(k, j) for k in logs for j in range(len(self.reports[k]))]
-        return [(k, j) for k, j in pairs if self.reports[k][j] is not as_is.reports[k][j]]
-
-    def explained(self, as_is: Judged, logs: Sequence[int]) -> tuple[float, float]:
-        """Return the share of power explained before and after, of the joints that change."""
-        pairs = self.changed(as_is, logs)
-        now, then = ([one.reports[k][j] for k, j in pairs] for one in (as_is, self))
-        return explained_share(now), explained_share(then)
+    def explained(self, as_is: Judged, logs: Sequence[int]) -> FloatArray:
+        """Return (2, m) the share of each joint's power that is explained before and after."""
+        each = [one.reports[k] for one in (as_is, self) for k in logs]
+        told = np.array([[(r.size**2 + 1e-300, max(1 - r.left, 0.0)) for r in one] for one in each])
+        power, share = np.moveaxis(told.reshape(2, len(logs), -1, 2), -1, 0)
+        return np.asarray(np.average(share, axis=1, weights=power))
 
     def closer(self, as_is: Judged, logs: Sequence[int]) -> bool:
         """Whether this reading brings reports closer to the need.
 
         A correction that does not, explains the reports by its gain and friction, and not by the
-        links. Nor is an exchange true that explains less than before. Joints have errors of their
-        own size: a report of friction alone strays a hundred times as far as one that follows its
-        need, and does not outweigh it.
+        links. Nor is one true that explains less than before. Joints have errors of their own
+        size: a report of friction alone strays a hundred times as far as one that follows its need,
+        and does not outweigh it.
         """
-        now, then = self.explained(as_is, logs)
-        farther = 0.0
-        for k, j in self.changed(as_is, logs):
+        farther, (now, then) = 0.0, self.explained(as_is, logs)
+        for k, j in product(logs, range(now.size)):
+            one, other = (read.reports[k][j] for read in (as_is, self))
             # What follows no need, read in either way, strays as chance has it.
-            if min(one.reports[k][j].left for one in (as_is, self)) < _FOLLOWS:
+            if one is not other and min(one.left, other.left) < _FOLLOWS:
                 farther += float(np.log(self.strays[k][:, j] / as_is.strays[k][:, j]).sum())
-        return farther < 0.0 and (then >= now or not self.reading.exchanged)
-
-
-def explained_share(reports: Sequence[Report]) -> float:
-    """Return the share of the power of reports that is explained."""
-    whole = sum(one.size**2 for one in reports)
-    left = sum(min(one.left, 1.0) * one.size**2 for one in reports)
-    return 1.0 - left / whole if whole > 0.0 else 0.0
+        return farther < 0.0 and bool(then.sum() >= now.sum())
 
 
 class Bench:
@@ -358,9 +348,9 @@ class Bench:
         rules = parse_column_map(reading.mend).rules
         moved = linear([f"{joint}.position" for joint in rows.robot.single_joints], rules)[:3]
         sources, factor, _, lag = linear(rows.torques, rules)
-        place = (log, *(part.tobytes() for part in moved), reading.weight)
+        place = (log, *(part.tobytes() for part in moved), reading.gravity)
         if place not in self._needs:
-            self._needs[place] = rows.need(*moved, weight=reading.weight)
+            self._needs[place] = rows.need(*moved, reading.gravity)
         need = self._needs[place]
         torque = (rows.late(lag) if lag.any() else rows.torque)[:, sources]
         torque = torque * (factor * rows.conversion / rows.conversion[sources])
@@ -376,6 +366,8 @@ class Bench:
             reports.append(self._reports[key])
         size = np.maximum(rms(torque) * rms(need.whole), 1e-300)
         strays = [rms(part) ** 2 for part in np.array_split(torque - need.whole, _PARTS)]
+        for k in reading.behind:
+            reports[k] = self.as_is.reports[log][k]
         return tuple(reports), np.array(strays) / size
 
 
@@ -417,6 +409,8 @@ _ZEROS = np.radians((np.arange(360) + 180) % 360 - 180)
 _MOVED = np.full(360, float(np.log(0.018 / (2.0 * 356.0))))
 _MOVED[::90] = float(np.log(0.018 / 6.0))
 _MOVED[0] = 0.0
+# Odds of links that are not as drawn to a zero that is another: a judgement.
+_NOT_DRAWN = -float(np.log(3.0))
 _DRAWN_OFF = 0.3  # [rad] by which a drawing or a loose encoder may be off; beyond it a column is
 
 
@@ -493,34 +487,40 @@ def _slope(table: FloatArray, samples: float) -> FloatArray:
     return np.array([found[-2] - found[-1], error]) * float(size[-1] / size[-2])
 
 
-def other_zeros(logs: Sequence[LogRows]) -> list[tuple[int, float, float, tuple[int, ...]]]:
-    """Return the zeros of positions with which reports follow the need better.
+def turns(logs: Sequence[LogRows]) -> list[Turn]:
+    """Return turns about joints with which reports follow the need better.
 
+    A zero that is another shows in all reports, a link that is not as drawn in none behind it.
     A link's need is a sum of two harmonics of each angle, so five needs tell it at all angles.
 
     Args:
         logs: of one robot, at least one.
 
     Returns:
-        (single joint, offset of its position [rad], log prior, logs): one for all logs together,
-        which leaves to the diagnosis what is less than a drawing may be off by; and for every log
-        in which the joint's zero is another one than in all.
+        Of each joint the links that it moves, and its zero in all logs, which leaves to the
+        diagnosis what is less than a drawing may be off by, and in every log in which it is another
+        one than in all.
     """
-    found: dict[tuple[int, int], tuple[float, tuple[int, ...]]] = {}
-    robot = logs[0].robot
+    found: dict[tuple[int, int, tuple[int, ...] | None], tuple[float, tuple[int, ...]]] = {}
+    robot, model, every = logs[0].robot, logs[0].robot.model, tuple(range(len(logs)))
     for i, joint in enumerate(robot.single_joints if logs[0].weighs else ()):
         if slides(robot, joint):
             continue
+        names = [model.names[k] for k in model.subtrees[model.getJointId(joint)]][1:]
+        behind = tuple(k for k, name in enumerate(robot.transmission.joints) if name in names)
         each = np.array([_on_circle(rows, i) for rows in logs])
-        shared, prior, stands = _likeliest(each.sum(axis=0))
+        turned, prior, stands = _likeliest(np.delete(each, behind, axis=1).sum(axis=(0, 1)))
+        if stands:
+            found[i, turned, behind] = prior + _NOT_DRAWN, every
+        shared, prior, stands = _likeliest(each.sum(axis=(0, 1)))
         if stands and abs(_ZEROS[shared]) > _DRAWN_OFF:
-            found[i, shared] = prior, tuple(range(len(logs)))
-        for k, one in enumerate(each if len(logs) > 1 else ()):
+            found[i, shared, None] = prior, every
+        for k, one in enumerate(each.sum(axis=1) if len(logs) > 1 else ()):
             own, prior, _ = _likeliest(one)
             if one[own] + prior > one[stands]:
-                prior, having = found.get((i, own), (prior, ()))
-                found[i, own] = prior, tuple(sorted({*having, k}))
-    return [(i, float(_ZEROS[n]), *told) for (i, n), told in found.items()]
+                prior, having = found.get((i, own, None), (prior, ()))
+                found[i, own, None] = prior, tuple(sorted({*having, k}))
+    return [(i, float(_ZEROS[n]), *told, behind) for (i, n, behind), told in found.items()]
 
 
 def _likeliest(at: FloatArray) -> tuple[int, float, int]:
@@ -539,14 +539,14 @@ def _likeliest(at: FloatArray) -> tuple[int, float, int]:
 
 
 def _on_circle(rows: LogRows, single: int) -> FloatArray:
-    """Return (360,) how likely the reports are at each offset of a position, friction beside it."""
+    """Return (m, 360) how likely reports are at offsets of a position, friction beside it."""
     turns = np.arange(5) * (2.0 * pi / 5.0)
     joints = np.arange(len(rows.robot.single_joints))
     needs = [rows.need(offset=np.where(joints == single, turn, 0.0)) for turn in turns]
     waves = np.column_stack([np.ones(5), *(f(n * turns) for n in (1, 2) for f in (np.cos, np.sin))])
     links = np.tensordot(np.linalg.inv(waves), np.array([need.links for need in needs]), axes=1)
     at = np.column_stack([np.ones(360), *(f(n * _ZEROS) for n in (1, 2) for f in (np.cos, np.sin))])
-    total = np.zeros(360)
+    found = []
     for k, reported in enumerate(rows.torque.T):
         causes = np.delete(need_columns(needs[0], k)[0], 3, axis=1)  # a load depends on the zero
         beside = np.linalg.qr(causes / np.maximum(np.linalg.norm(causes, axis=0), 1e-300))[0]
@@ -560,5 +560,5 @@ def _on_circle(rows: LogRows, single: int) -> FloatArray:
         share = left / max(float(np.sum((reported - reported.mean()) ** 2)), 1e-300)
         follows, idle = log_likelihood(share, min(float(rows.samples[k]), MOST_SAMPLES))
         follows -= 0.5 * (np.log(gain) / GAIN_SPREAD) ** 2
-        total += np.maximum(follows, idle + UNRELATED)
-    return total
+        found.append(np.maximum(follows, idle + UNRELATED))
+    return np.array(found)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, product
-from math import degrees, exp, inf, log as ln
+from math import degrees, exp, log as ln
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -24,8 +24,13 @@ from wbc.robot.coordinates import slides
 
 _SOMEWHERE = ln(0.01)
 _RARE = ln(0.003)
+LINKS = "links"
+"""Kind of a reading in which no column is wrong, but the description of links."""
+_STATE = "robot.toml must say so, at its top:\n"
+_STATE += '    gravity = {{ value = {}, unit = "m/s^2", source = "{}" }}'
+_WHOLE = "record the whole torque (an option of the driver). For torques that never held gravity, "
 Lag: TypeAlias = tuple[Sequence[int], float]
-Zero: TypeAlias = tuple[int, float, float, tuple[int, ...]]
+Turn: TypeAlias = tuple[int, float, float, tuple[int, ...], tuple[int, ...] | None]
 
 # How far turning joints travel in a log [rad]: 32 joints of seven recorded robots have a median of
 # 1.8 and a standard deviation of the logarithm of 0.84. One in ten may be anything else.
@@ -42,8 +47,10 @@ class Reading:
         text: what is wrong, as a clause; empty for the log as it stands.
         prior: log probability before the rows are seen.
         mend: the map that reads the log so.
-        weight: share of what gravity needs that the torques hold: 1, 0 without, -1 upside down.
-        rivals: log prior of what is no mistake of a column and needs the same torque.
+        gravity: (3,) that the torques hold, in the frame of the base [m/s^2]; None as the robot
+            states it.
+        way: what to do where no column is wrong.
+        behind: driven joints whose need stays as it is: those behind links that are not as drawn.
         exchanged: driven joints that have each other's columns.
         logs: numbers of those that are read so, None for all.
     """
@@ -52,14 +59,15 @@ class Reading:
     text: str = ""
     prior: float = ln(0.8)
     mend: Mend = field(default_factory=dict)
-    weight: float = 1.0
-    rivals: float = -inf
+    gravity: tuple[float, ...] | None = None
+    way: str = ""
+    behind: tuple[int, ...] = ()
     exchanged: tuple[int, ...] = ()
     logs: tuple[int, ...] | None = None
 
 
 def readings(
-    rows: LogRows, lost: BoolArray, doubtful: bool, lags: Sequence[Lag], zeros: Sequence[Zero]
+    rows: LogRows, lost: BoolArray, doubtful: bool, lags: Sequence[Lag], turns: Sequence[Turn]
 ) -> Iterator[Reading]:
     """Yield every mistake with the reading that undoes it.
 
@@ -70,19 +78,17 @@ def readings(
         doubtful: whether any report leaves more than physics usually does; only then gravity
             is asked about.
         lags: joints, by number, whose torques share a lag [s].
-        zeros: single joints, by number, what may have to be added to their positions [rad], and
-            the log prior of it, and the numbers of the logs.
+        turns: single joints, by number, what may have to be added to their positions [rad], the
+            log prior of it, and the numbers of the logs; and of links that may be turned instead,
+            the driven joints behind them.
     """
     yield from _signs_and_sides(rows)
     yield from _units(rows)
     yield from _exchanges(rows, lost)
     yield from _late(rows, lags)
-    yield from _zeros(rows, zeros)
+    yield from _turned(rows, turns)
     if doubtful and rows.weighs:
-        text = f"{_holds(rows.torques)} no gravity: the driver takes it out"
-        yield Reading("no_gravity", text, EVERYWHERE, weight=0.0)
-        text = "gravity acts the other way: the robot hangs upside down"
-        yield Reading("upside_down", text, _SOMEWHERE, weight=-1.0)
+        yield from _gravities(rows)
 
 
 def _signs_and_sides(rows: LogRows) -> Iterator[Reading]:
@@ -98,9 +104,7 @@ def _signs_and_sides(rows: LogRows) -> Iterator[Reading]:
             continue
         prior = EVERYWHERE if names == rows.torques else _RARE
         for power in (1.0, -1.0):
-            columns: dict[str, dict[str, Any]] = {
-                name: {"scale": abs(ratios[name]) ** power} for name in names
-            }
+            columns: Mend = {name: {"scale": abs(ratios[name]) ** power} for name in names}
             text = f"the gear ratio was applied once too often to {chosen}"
             if quantities == {"current"}:
                 text = f"the torque constants behind {chosen} belong to the other side of the gear"
@@ -150,8 +154,7 @@ def _travels(log: Log, joint: str, factor: float) -> float:
     """Return by how much a joint's travel is more usual if its position is multiplied [nats]."""
     travel = float(np.ptp(log.column(f"{joint}.position")))
     away = np.log(np.maximum(np.array([1.0, factor]) * travel, _HELD) / _TRAVEL)
-    density = log_mixture(away, _TRAVEL_SPREADS)
-    return float(density[1] - density[0])
+    return float(np.diff(log_mixture(away, _TRAVEL_SPREADS))[0])
 
 
 def _exchanges(rows: LogRows, lost: BoolArray) -> Iterator[Reading]:
@@ -180,18 +183,40 @@ def _late(rows: LogRows, lags: Sequence[Lag]) -> Iterator[Reading]:
         yield _mended("torque_late", text, _SOMEWHERE, {name: {"lag": lag} for name in late})
 
 
-def _zeros(rows: LogRows, zeros: Sequence[Zero]) -> Iterator[Reading]:
-    """Yield positions whose zero is another one."""
-    model = rows.robot.model
-    for i, turn, prior, logs in zeros:
-        joint = rows.robot.single_joints[i]
-        # Behind the last joint of a chain, a link that is turned needs the same torque.
-        last = len(model.subtrees[model.getJointId(joint)]) == 1
+def _turned(rows: LogRows, turns: Sequence[Turn]) -> Iterator[Reading]:
+    """Yield positions whose zero is another one, and links that are not as drawn.
+
+    Turned, and with any gain, links have any moment about their joint.
+    """
+    for single, offset, prior, logs, behind in turns:
+        joint = rows.robot.single_joints[single]
+        kind, way = "position_zero", ""
+        text = f"the zero of {joint}.position is off by {degrees(-offset):.0f} degrees"
+        if behind is not None:
+            kind, way = LINKS, "correct their inertias in the model file."
+            text = f"links that {joint} moves are not as drawn"
         names = [n for n in encoder_columns(rows.log, joint) if n.endswith("position")]
-        text = f"the zero of {joint}.position is off by {degrees(-turn):.0f} degrees"
-        columns = {name: {"offset": turn} for name in names}
-        rivals = prior - ln(3.0) if last else -inf
-        yield _mended("position_zero", text, prior, columns, rivals=rivals, logs=logs)
+        columns = {name: {"offset": offset} for name in names}
+        yield _mended(kind, text, prior, columns, way=way, logs=logs, behind=behind or ())
+
+
+def _gravities(rows: LogRows) -> Iterator[Reading]:
+    """Yield no gravity, and gravity along the other axes of the base that need another torque."""
+    why, none = "the driver takes it out", (0.0, 0.0, 0.0)
+    text, way = f"{_holds(rows.torques)} no gravity: {why}", _WHOLE + _STATE.format([0, 0, 0], why)
+    yield Reading("no_gravity", text, EVERYWHERE, gravity=none, way=way)
+    stated, axes = rows.robot.model.gravity.linear, np.vstack([np.eye(3), -np.eye(3)])
+    nearest = int(np.argmax(axes @ stated))
+    for k, axis in enumerate(axes):
+        pull = tuple((np.round(np.linalg.norm(stated), 4) * axis + 0.0).tolist())  # 0, not -0
+        same = np.allclose(rows.need(gravity=pull).links, rows.need(gravity=none).links)
+        if k == nearest or same:
+            continue
+        why = "mounted upside down" if k % 3 == nearest % 3 else "mounted on its side"
+        text = f"gravity acts along {'+-'[k // 3]}{'xyz'[k % 3]} of the base: the robot is {why}"
+        # The five directions together are as likely as no gravity.
+        way, prior = _STATE.format([*pull], why), EVERYWHERE - ln(5.0)
+        yield Reading("gravity_direction", text, prior, gravity=pull, way=way)
 
 
 def _mended(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -88,10 +88,10 @@ class LogRows:
     @cached_property
     def weighs(self) -> bool:
         """Whether gravity is part of what the links need, and no sensor stands for them."""
-        robot, still = self.robot, 0.0 * self.motion.velocity
-        held = link_torque(robot, Motion(self.motion.position, still, still))[:, robot.actuated]
-        known = np.isnan(self.sensed).all() and not robot.floating_size
-        return bool(known and np.any(np.std(held, axis=0) > _ROUNDING))
+        if self.robot.floating_size:
+            return False
+        held = self.as_is.links - self.need(gravity=(0.0, 0.0, 0.0)).links
+        return bool(np.any(np.std(held, axis=0) > _ROUNDING))
 
     @cached_property
     def as_is(self) -> Need:
@@ -103,7 +103,7 @@ class LogRows:
         order: IntArray | slice = slice(None),
         factor: FloatArray | float = 1.0,
         offset: FloatArray | float = 0.0,
-        weight: float = 1.0,
+        gravity: Sequence[float] | None = None,
     ) -> Need:
         """Return what the motion needs if the single joints' columns are read differently.
 
@@ -111,9 +111,10 @@ class LogRows:
             order: (n,) single joint i has the column of single joint order[i] ...
             factor: (n,) ... times this ...
             offset: (n,) ... and this added to the positions.
-            weight: share of gravity that is part of the need.
+            gravity: (3,) in the frame of the base [m/s^2], None as the robot states it.
         """
-        robot, given = self.robot, self.motion
+        robot = self.robot if gravity is None else self.robot.with_gravity(gravity)
+        given = self.motion
         q, v, a = map(np.array, (given.position, given.velocity, given.acceleration))
         at = np.array([robot.position_index(name) for name in robot.single_joints], dtype=np.int_)
         to = np.array([robot.velocity_index(name) for name in robot.single_joints], dtype=np.int_)
@@ -125,8 +126,6 @@ class LogRows:
         if robot.has_free_flyer:
             motion = Motion(q, v, _as_the_base_must(robot, motion, contacts))
         links = link_torque(robot, motion)
-        if weight != 1.0:
-            links = links - (1.0 - weight) * link_torque(robot, Motion(q, 0.0 * v, 0.0 * a))
         rotor, _ = rotor_torque(robot, motion, links, contacts)
         gears = robot.transmission
         speed, change = (x[:, robot.actuated] @ gears.motor_from_joint.T for x in (v, a))

@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 from wbc.errors import LogError
 from wbc.identification.readings import evidence
 from wbc.identification.readings.evidence import Judged
-from wbc.identification.readings.kinds import Reading, readings
+from wbc.identification.readings.kinds import LINKS, readings
 from wbc.identification.readings.log_rows import rows_of
 from wbc.measurement import column_mistakes
 from wbc.measurement.checks import find_repeats, resting_joints
@@ -21,14 +21,6 @@ from wbc.measurement.read import mended
 from wbc.robot import Robot
 from wbc.tables import few
 
-_TRUST = {"trusted": True}
-_GRAVITY = {
-    "no_gravity": "record the whole torque (an option of the driver). For torques that never held "
-    "gravity, robot.toml must hold none, at its top:\n"
-    '    gravity = { value = [0, 0, 0], unit = "m/s^2", source = "the driver takes it out" }',
-    "upside_down": "robot.toml must say so, at its top:\n"
-    '    gravity = { value = [0, 0, 9.81], unit = "m/s^2", source = "hangs upside down" }',
-}
 _SCALE = "Check gear_ratio and torque constant in robot.toml and the masses of the model."
 _FOREIGN = "Check which joint the column is of, what it holds, and whether this is the right model."
 _MORE = "Record more logs in which every joint moves, and give all of them together."
@@ -129,7 +121,7 @@ def suspicions(robot: Robot, logs: Sequence[Log]) -> list[str]:
         message = " ".join(said[finding.text] for finding in certain)
         way = f" {certain[0].way_out}" if not mend else " If so, " + say_so(mend)
         raise SuspiciousLogError(
-            f"{message}{way}\nIf the columns are right, " + say_so(_TRUST), certain
+            f"{message}{way}\nIf the columns are right, " + say_so({"trusted": True}), certain
         )
     return [f"{said[text]} {finding.way_out}" for text, (finding, _) in found.items()]
 
@@ -200,7 +192,10 @@ def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[tuple[LogFinding,
             return found
         likeliest = _likeliest(robot, judged)
         if likeliest is None:
-            more = _late(judged) or _foreign(robot, judged) or _other_scale(robot, judged[0])
+            # Lags of torques that explain too little to be certain.
+            late = [one for one in judged if one.reading.kind == "torque_late"]
+            more = [_told(robot, [one], judged[0], one.logs, _POSSIBLE) for one in late]
+            more = more or _foreign(robot, judged) or _other_scale(robot, judged[0])
             return found or [(finding, numbers) for finding in more]
         mistake, own = likeliest
         having = tuple(numbers[k] for k in own)
@@ -228,47 +223,43 @@ def _judged(robot: Robot, logs: Sequence[Log]) -> tuple[tuple[int, ...], list[Ju
     most = np.max([[one.left for one in reports] for reports in bench.as_is.reports], axis=0)
     lost = most > (0.0 if robot.transmission.size <= _PAIRS else _RARELY_LEFT)
     doubtful = bool(np.any(most > _DOUBTFUL))
-    zeros = evidence.other_zeros(rows) if doubtful else []
-    others = readings(rows[0], lost, doubtful, lags, zeros)
+    others = readings(rows[0], lost, doubtful, lags, evidence.turns(rows) if doubtful else [])
     return tuple(known), [bench.as_is, *map(bench.judged, others)]
 
 
 def _likeliest(robot: Robot, judged: Sequence[Judged]) -> tuple[LogFinding, tuple[int, ...]] | None:
     """Return the likeliest mistake of all logs, or of those that are better read with it alone."""
-    as_is, *others = judged
-    every = as_is.logs
+    (as_is, *others), every = judged, judged[0].logs
     stands, few = as_is.weight(as_is, every), -float(np.log(len(every)))
     scores: list[tuple[float, Judged, tuple[int, ...]]] = []
     for one in others:
         if one.logs == every:
             scores.append((one.score(as_is, every), one, every))
-        several = one.logs if len(every) > 1 else ()
+        # No robot is another one in a single log.
+        several = one.logs if len(every) > 1 and one.reading.kind != LINKS else ()
         own = tuple(k for k in several if one.score(as_is, (k,)) + few > stands)
         if own and own != every:
             scores.append((one.score(as_is, own) + few, one, own))
-    columns = logsumexp([score for score, *_ in scores])
-    rivals = [
-        score + one.reading.rivals - one.reading.prior
-        for score, one, logs in scores
-        if logs == every  # no robot is another one in a single log
-    ]
+    columns = logsumexp([score for score, one, _ in scores if one.reading.kind != LINKS])
+    wrong = logsumexp([score for score, *_ in scores])
     other, none, factor = evidence.ratio_evidence(as_is.reports)
-    known = bool(np.all(robot.transmission.reflected_inertia > 0.0))
-    other += _OTHER_RATIO
-    whole = logsumexp([columns, stands, *rivals, other if known else -np.inf])
+    other += _OTHER_RATIO if np.all(robot.transmission.reflected_inertia > 0.0) else -np.inf
+    whole = logsumexp([stands, wrong, other])
     doubt = float(np.exp(other - np.logaddexp(whole, none + as_is.reading.prior)))
-    if known and doubt >= LIKELY and abs(np.log(factor)) >= _SAME_RATIO:
+    if doubt >= LIKELY and abs(np.log(factor)) >= _SAME_RATIO:
         return _another_ratio(robot, doubt, factor), every
     doubt = float(np.exp(columns - whole))
-    scores.sort(key=lambda scored: -scored[0])
+    scores.sort(key=lambda scored: (scored[1].reading.kind == LINKS, -scored[0]))
     best, first, logs = scores[0]
-    if doubt < (_POSSIBLE if logs == every else LIKELY):
-        return None
+    now, then = first.explained(as_is, logs)
     least = _LEAST_EXPLAINED if doubt >= LIKELY else 1.0 - _RARELY_LEFT
-    if first.explained(as_is, logs)[1] < least:
+    # Links that need the same torque leave open which is true.
+    both = logs == every and max(score for score, *_ in scores) - best < _TIED
+    shown = float(np.exp((wrong if both else columns) - whole))
+    if shown < (_POSSIBLE if logs == every else LIKELY) or then[np.argmax(then - now)] < least:
         return None
-    tied = [one for score, one, own in scores[:4] if best - score < _TIED and own == logs]
-    return _told(tied, as_is, logs, doubt), logs
+    tied = [one for score, one, own in scores if best - score < _TIED and own == logs]
+    return _told(robot, tied[:4], as_is, logs, doubt), logs
 
 
 def told_by_rows(robot: Robot, logs: Sequence[Log]) -> dict[str, tuple[float, float]]:
@@ -293,8 +284,8 @@ def told_by_rows(robot: Robot, logs: Sequence[Log]) -> dict[str, tuple[float, fl
         if own := one.reading.exchanged:
             gained = one.score(as_is, one.logs) - one.reading.prior - stands
             odds[[*own]] += np.exp(min(gained, 500.0))
-    shares = map(evidence.explained_share, zip(*as_is.reports, strict=True))
-    told = zip((1.0 / (1.0 + odds)).tolist(), shares, strict=True)
+    shares = as_is.explained(as_is, as_is.logs)[0]
+    told = zip((1.0 / (1.0 + odds)).tolist(), shares.tolist(), strict=True)
     return dict(zip(robot.transmission.joints, told, strict=True))
 
 
@@ -313,21 +304,13 @@ def _other_scale(robot: Robot, as_is: Judged) -> list[LogFinding]:
     rivals = [every, *every[:, None]]
     odds = _OTHER_RATIO + np.array([whole, *own])
     best = int(np.argmax(odds))
-    others = [0.0, _LINKS_WRONG + float(own.sum()), *np.delete(odds, best)]
-    if odds[best] < logsumexp(others):
+    if odds[best] < logsumexp([0.0, _LINKS_WRONG + float(own.sum()), *np.delete(odds, best)]):
         return []
     joints = rivals[best]
     factor = evidence.GAINS[int(np.argmax(evidence.GAIN_PRIOR + total[joints].sum(axis=0)))]
     which = ", ".join(names[k] for k in joints)
     text = f"torques of {which} are {factor:.2g} times what the links need."
     return [LogFinding("warning", "torque_scale", "", text, _SCALE, {}, 0.5)]
-
-
-def _late(judged: Sequence[Judged]) -> list[LogFinding]:
-    """Return the lags of torques that explain too little to be certain."""
-    as_is, *others = judged
-    late = [one for one in others if one.reading.kind == "torque_late"]
-    return [_told([one], as_is, as_is.logs, _POSSIBLE) for one in late]
 
 
 def _foreign(robot: Robot, judged: Sequence[Judged]) -> list[LogFinding]:
@@ -340,19 +323,18 @@ def _foreign(robot: Robot, judged: Sequence[Judged]) -> list[LogFinding]:
     """
     as_is, *others = judged
     doubts, found = evidence.foreign(as_is.reports), []
-    for k in np.flatnonzero(doubts >= LIKELY):
+    left = np.array([[min(one.left, 1.0) for one in reports] for reports in as_is.reports])
+    for k in np.flatnonzero((doubts >= LIKELY) & np.any(left >= _RARELY_LEFT, axis=0)):
         read = [one for one in others if one.logs == as_is.logs]
         read = [one for one in read if all(r[k].left < _RARELY_LEFT for r in one.reports)]
-        odds = [(one.weight(as_is, as_is.logs), one) for one in read]
-        if odds:
-            odds.sort(key=lambda weighed: -weighed[0])
-            near = [one for weight, one in odds if odds[0][0] - weight < _TIED]
-            found.append(_told(near, as_is, as_is.logs, _POSSIBLE))
+        odds = [one.weight(as_is, as_is.logs) for one in read]
+        if read:
+            near = [read[n] for n in np.argsort(odds)[::-1] if max(odds) - odds[n] < _TIED]
+            found.append(_told(robot, near, as_is, as_is.logs, _POSSIBLE))
             continue
         joint, doubt = robot.transmission.joints[k], float(doubts[k])
-        left = np.mean([min(reports[k].left, 1.0) for reports in as_is.reports])
-        text = f"the torque of {joint} does not follow what the links need: {100.0 * left:.0f} % "
-        text += "of its power has no explanation, and no other reading of the columns gives one."
+        text = f"the torque of {joint} does not follow what the links need: however the columns "
+        text += f"are read, {100.0 * left[:, k].mean():.0f} % of its power has no explanation."
         found.append(LogFinding("error", "torque_foreign", joint, text, _FOREIGN, {}, doubt))
     return found
 
@@ -366,10 +348,13 @@ def _another_ratio(robot: Robot, doubt: float, factor: float) -> LogFinding:
     return LogFinding(severity(doubt), "gear_ratio", "", text, way, {}, doubt)
 
 
-def _told(told: Sequence[Judged], as_is: Judged, logs: Sequence[int], doubt: float) -> LogFinding:
+def _told(
+    robot: Robot, told: Sequence[Judged], as_is: Judged, logs: Sequence[int], doubt: float
+) -> LogFinding:
     """Return what may be wrong, whether the logs can tell it, and what to do.
 
     Args:
+        robot: whose logs they are.
         told: readings that the logs cannot tell apart, the likeliest first.
         as_is: the logs as they stand.
         logs: numbers of those that have the mistake.
@@ -377,24 +362,21 @@ def _told(told: Sequence[Judged], as_is: Judged, logs: Sequence[int], doubt: flo
     """
     read, alone = [one.reading for one in told], len(logs) < len(as_is.reports)
     who, rivals = "one log" if len(logs) == 1 else "these logs", ", or ".join(r.text for r in read)
-    said, so = f"{rivals}?", "If the first is true" if len(read) > 1 else "So read"
+    said, if_so = f"{rivals}?", "If the first is true" if len(read) > 1 else "So read"
     if doubt < LIKELY:
         said = f"{who} cannot tell whether the columns are right: perhaps {rivals}."
     elif len(read) > 1:
         said += f" {who[0].upper()}{who[1:]} cannot tell which."
-    way = "If so, " + _mend_of(read[0])
+    ways = {one.text: one.way or say_so(one.mend) for one in read}
+    way = "If so, " + ways[read[0].text]
     if len(read) > 1 or doubt < LIKELY:
-        way = "\n".join((_MORE, *(f"If you know that {r.text}, {_mend_of(r)}" for r in read)))
+        way = "\n".join((_MORE, *(f"If you know that {text}, {so}" for text, so in ways.items())))
     if alone:
         way = "Give each of these logs a map of its own, LOG@MAP.toml. " + way
     now, then = told[0].explained(as_is, logs)
-    said += f" {so}, the robot explains {100.0 * then:.0f} % of the power of the reported torque, "
-    said += f"and {100.0 * now:.0f} % as it stands."
-    first, mend = read[0], read[0].mend if len(read) == 1 else {}
-    column, certainty = next(iter(first.mend.get("columns", [""]))), severity(doubt)
-    return LogFinding(certainty, first.kind, column, said, way, mend, doubt, first.mend, alone)
-
-
-def _mend_of(reading: Reading) -> str:
-    """Return what to say in a map, or in robot.toml where no map mends a mistake."""
-    return say_so(reading.mend) if reading.mend else _GRAVITY[reading.kind]
+    k = int(np.argmax(then - now))
+    said += f" {if_so}, the robot explains {100.0 * then[k]:.0f} % of the power of the torque of "
+    said += f"{robot.transmission.joints[k]}, and {100.0 * now[k]:.0f} % as it stands."
+    likeliest, kind = {} if read[0].way else read[0].mend, read[0].kind
+    column, mend = next(iter(likeliest.get("columns", [""]))), likeliest if len(read) == 1 else {}
+    return LogFinding(severity(doubt), kind, column, said, way, mend, doubt, likeliest, alone)
