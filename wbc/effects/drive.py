@@ -55,8 +55,8 @@ class TorqueOffset(JointEffect):
     offset: float = field(metadata=number("N m", 0.0, -10000.0, 10000.0, 0.2))
 
     explanation = (
-        "A current sensor has a zero error, or a constant load such as a tensioned cable is "
-        "not in the model. A positive offset says that the column reads too low."
+        "A current or torque sensor has a zero error, or a constant load such as a tensioned cable "
+        "is not in the model. A positive offset says that the column reads too low."
     )
     experiment = "Hold the joint unloaded, coming from both sides: the mean torque is not zero."
 
