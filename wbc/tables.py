@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -31,12 +31,11 @@ class TextTable:
     """A table.
 
     Attributes:
-        heads: of the columns; numbers stand under a head that begins with ">", at the right, and
-            the texts under one that begins with "~" may be broken anywhere.
+        heads: of the columns; numbers stand under a head that begins with ">", at the right.
         cells: texts by row; missing ones at the end of a row are empty.
         title: above the table.
         caption: what its columns are.
-        whole: whether no cell is broken but those under "~".
+        whole: whether no cell is broken but those under a head that begins with "~".
     """
 
     heads: tuple[str, ...]
@@ -80,9 +79,9 @@ class TextTable:
 
         made = Table(box=None, title=self.title or None, caption=self.caption or None)
         for head, name in zip(self.heads, self.names, strict=True):
-            look: dict[str, Any] = {"justify": "right" if head.startswith(">") else "left"}
-            look["overflow"] = "fold" if head.startswith("~") else "ellipsis"
-            made.add_column(name, no_wrap=self.whole and not head.startswith("~"), **look)
+            side: Literal["left", "right"] = "right" if head.startswith(">") else "left"
+            unbroken = self.whole and not head.startswith("~")
+            made.add_column(name, justify=side, overflow="fold", no_wrap=unbroken)
         for row in self.cells:
             made.add_row(*row)
         return made

@@ -15,6 +15,7 @@ from wbc.cli.models import print_diagnosis
 from wbc.effects import CoulombFriction
 from wbc.identification import Diagnosis, Estimate, Ranked, Step
 from wbc.identification.open_loop import OpenLoop
+from wbc.tables import TextTable
 
 
 @pytest.fixture(scope="module")
@@ -124,3 +125,14 @@ def test_commands_answer_before_they_simulate(
     said = capsys.readouterr().out
     assert "hip" in said and "0.7" in said if command == "diagnose" else "hip" in said
     assert main([*asked, "--quiet"]) == 0
+
+
+def test_names_that_begin_alike_are_told_apart() -> None:
+    """Joints of a recorded arm were all called AR5-5_07R-W4C4…; the numbers at their ends went."""
+    names = [f"AR5-5_07R-W4C4A2_joint_{k}" for k in range(1, 8)]
+    rows = [(name, "load against direction", "N m", "94 %", "-0.2 at -0.092") for name in names]
+    shown = StringIO()
+    Console(file=shown, width=60).print(TextTable.of("output|on|unit|>share|>from", rows))
+    assert "…" not in shown.getvalue()
+    ends = [line.split()[0] for line in shown.getvalue().splitlines() if "_joint_" in line]
+    assert [end[-1] for end in ends] == [name[-1] for name in names]

@@ -135,7 +135,7 @@ class Discovery:
                 folds = f"{100.0 * proposal.stability[name]:.0f} %"
                 interval = f"{e.low:.4g} .. {e.high:.4g}"
                 cells.append((f"  {name}", f"{e.value:.4g}", interval, e.unit, folds))
-        return TextTable.of("~proposed torque|>value|90 % interval|unit|>folds", cells)
+        return TextTable.of("proposed torque|>value|90 % interval|unit|>folds", cells)
 
     def to_json(self) -> dict[str, Any]:
         """Return plain numbers, texts, lists and dictionaries."""

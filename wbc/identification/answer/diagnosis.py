@@ -235,7 +235,7 @@ class Diagnosis(Shown):
             numbers = [e.cells for f in alike for e in f.numbers.values()]
             value, _, unit = numbers[0] if len(numbers) == 1 else ("", "", "")
             cells.append((f"{name} at {place}", value, "", unit, "doubtful"))
-        return TextTable.of("~effect at place|>value|90 % interval|unit|is it there?", cells)
+        return TextTable.of("effect at place|>value|90 % interval|unit|is it there?", cells)
 
     def left_rows(self) -> TextTable:
         """Return what is left at each output; "after" only where something was found."""

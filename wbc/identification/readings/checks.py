@@ -312,7 +312,7 @@ def clock_rows(qualities: Sequence[LogQuality]) -> TextTable:
     for q in qualities:
         clock = f"{q.rate:.1f}", f"{100.0 * q.jitter:.1f} %", f"{1e3 * q.longest_gap:.1f} ms"
         cells.append((short_label(q.label), str(q.rows), f"{q.duration:.3f}", *clock))
-    return TextTable.of("~log|>rows|>length [s]|>rate [Hz]|>jitter|>longest gap", cells)
+    return TextTable.of("log|>rows|>length [s]|>rate [Hz]|>jitter|>longest gap", cells)
 
 
 def check_log(log: Log, robot: Robot | None = None) -> LogQuality:
