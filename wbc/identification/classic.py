@@ -16,11 +16,10 @@ from wbc.dynamics import inertial_parameters
 from wbc.files import as_json
 from wbc.identification.answer.shown import plain, with_interval
 from wbc.identification.choice.plain_models import JOINTS
-from wbc.identification.drive_times import left_by
 from wbc.identification.model.columns import derivatives, inertial_columns
 from wbc.identification.model.estimation_problem import TAIL, EstimationProblem
 from wbc.identification.model.residual import evaluate
-from wbc.identification.records.record import output_names, rms, rows_per_sample
+from wbc.identification.records.record import left_by, output_names, rms, rows_per_sample
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 from wbc.robot.coordinates import unit_at

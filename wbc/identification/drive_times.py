@@ -31,7 +31,13 @@ from wbc.identification.model.fit import beside_others, scaled
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.not_judged import reported_torque
 from wbc.identification.records.preparation import prepare
-from wbc.identification.records.record import Record, by_log, correlated_rows, rows_per_sample
+from wbc.identification.records.record import (
+    Record,
+    by_log,
+    correlated_rows,
+    left_by,
+    rows_per_sample,
+)
 from wbc.measurement import Log, derivative
 from wbc.measurement.filters import turned
 from wbc.measurement.schema import REPORTED
@@ -386,14 +392,6 @@ def _columns(record: Record) -> FloatArray:
     load, side = record.load[:, robot.actuated] @ gears.topology, np.sign(velocity)
     dry = side, *memories(angle), np.ones_like(velocity), np.abs(load) * side
     return record.condense(np.stack([late, whole, braking, velocity, acceleration, *dry], axis=2))
-
-
-def left_by(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return values (rows, ...) without what columns (rows, n) explain, and how (n, ...)."""
-    size = np.sqrt(np.sum(columns**2, axis=0))
-    size = np.where(size > 0.0, size, 1.0)
-    taken = (np.linalg.lstsq(columns / size, values, rcond=1e-9)[0].T / size).T
-    return np.asarray(values - columns @ taken), np.asarray(taken)
 
 
 def _descended(

@@ -151,7 +151,7 @@ def _without_harm(
 
 
 def _judged_outputs(problem: EstimationProblem) -> NDArray[np.str_]:
-    return np.delete(output_names(problem.records[0].robot), problem.floor.aside)
+    return np.array(output_names(problem.records[0].robot))[problem.floor.judged]
 
 
 def _joined(

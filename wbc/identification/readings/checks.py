@@ -63,8 +63,9 @@ def require_logs(logs: Sequence[Log]) -> None:
         raise IdentificationError("a sequence of logs is expected; give one log as [log].")
     several = isinstance(logs, Iterable) and not isinstance(logs, str | Path)
     for odd in (one for one in (logs if several else [logs]) if not isinstance(one, Log)):
-        said = f"logs are expected, not {odd if several else str(odd)!r}; "
-        raise IdentificationError(f"{said}read files with load_logs([...]).")
+        said = repr(odd if several else str(odd))
+        way = "read files with load_logs([...])."
+        raise IdentificationError(f"logs are expected, not {said}; {way}")
 
 
 def require_readable(robot: Robot, log: Log) -> None:
@@ -365,4 +366,5 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
 
 
 def _gravest_first(findings: Sequence[LogFinding]) -> tuple[LogFinding, ...]:
-    return tuple(sorted(findings, key=lambda f: ("error", "warning", "info").index(f.severity)))
+    order = ("error", "warning", "info")
+    return tuple(sorted(findings, key=lambda finding: order.index(finding.severity)))

@@ -298,10 +298,12 @@ class Judged(NamedTuple):
 
     def explained(self, as_is: Judged, logs: Sequence[int]) -> FloatArray:
         """Return (2, m) the share of each joint's power that is explained before and after."""
-        each = [one.reports[k] for one in (as_is, self) for k in logs]
-        told = np.array([[(r.size**2 + 1e-300, max(1 - r.left, 0.0)) for r in one] for one in each])
-        power, share = np.moveaxis(told.reshape(2, len(logs), -1, 2), -1, 0)
-        return np.asarray(np.average(share, axis=1, weights=power))
+        each = [[one.reports[k] for k in logs] for one in (as_is, self)]
+        sizes, left = (
+            np.array([[[getattr(r, name) for r in reports] for reports in one] for one in each])
+            for name in ("size", "left")
+        )
+        return np.average(np.maximum(1.0 - left, 0.0), axis=1, weights=sizes**2 + 1e-300)
 
     def closer(self, as_is: Judged, logs: Sequence[int]) -> bool:
         """Whether this reading brings reports closer to the need.

@@ -26,6 +26,8 @@ def sensors_as_reports(robot: Robot, log: Log) -> Log:
     that of a report.
     """
     alone = [joint for joint in robot.sensor_only if log.has(f"{joint}.joint_torque")]
+    if not alone:
+        return log
     behind = {f"{joint}.motor_torque": log.column(f"{joint}.joint_torque") for joint in alone}
     told = {f"{joint}.{quantity}" for joint in alone for quantity in (*REPORTED, "joint_torque")}
     return log.select(name for name in log.columns if name not in told).with_columns(behind)

@@ -18,6 +18,7 @@ from wbc.identification.records.filters import LOWEST, OF_RATE
 from wbc.identification.records.record import (
     Record,
     at_outputs,
+    left_by,
     output_count,
     output_names,
     output_units,
@@ -134,7 +135,6 @@ _BLOCKS = 20  # of which what is left is taken to be independent
 # follows them: 0.02, -0.28 and -1.40 of the three drives of a recorded arm that report nothing;
 # 0.49, 0.52, 0.81 and 0.83 of reports of two arms whose drawing has guessed masses.
 _EXPLAINED = 0.25
-_ALIKE = 1e-6  # of the largest singular value: below it inertias are not told apart
 _FIFTHS = 5  # of the logs, held out one after the other
 
 
@@ -288,12 +288,11 @@ def _follows_other_links(
 
 def _held_out(given: FloatArray, columns: FloatArray) -> float:
     """Return the squares that columns (rows, k) leave where they were not fitted."""
-    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     left = 0.0
     for held in np.array_split(np.arange(len(given)), _FIFTHS):
-        rest = np.delete(columns, held, axis=0), np.delete(given, held)
-        left += np.sum((given[held] - columns[held] @ np.linalg.lstsq(*rest, rcond=_ALIKE)[0]) ** 2)
-    return float(left)
+        _, taken = left_by(np.delete(columns, held, axis=0), np.delete(given, held))
+        left += float(np.sum((given[held] - columns[held] @ taken) ** 2))
+    return left
 
 
 def _share(given: FloatArray, columns: FloatArray) -> tuple[float, float]:

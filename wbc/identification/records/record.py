@@ -460,3 +460,11 @@ def correlated_rows(parts: Sequence[FloatArray], white: float) -> FloatArray:
 def judged(records: Sequence[Record]) -> BoolArray:
     """Return (logs, outputs) whether an output has any weight in a log."""
     return np.array([record.weight.any(axis=0) for record in records])
+
+
+def left_by(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return values (rows, ...) without what columns (rows, n) explain, and how (n, ...)."""
+    size = np.sqrt(np.sum(columns**2, axis=0))
+    size = np.where(size > 0.0, size, 1.0)
+    taken = (np.linalg.lstsq(columns / size, values, rcond=1e-9)[0].T / size).T
+    return np.asarray(values - columns @ taken), np.asarray(taken)
