@@ -1,5 +1,6 @@
 """Robots whose links are not as drawn, or rub far more than they need: no column is wrong."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from wbc.robot import Robot
 
 _UPPER = "<joint name='shoulder' axis='0 1 0'/>"
 _UPPER += "<inertial pos='0 0 -.2' mass='2' diaginertia='.03 .03 .01'/>"
+_LOWER = "<inertial pos='0 0 -.3' mass='2' diaginertia='.03 .03 .01'/>"
 
 
 def written_arm(folder: Path, *bodies: tuple[str, str]) -> Robot:
@@ -95,6 +97,27 @@ def test_no_gravity_of_a_planar_arm_is_not_told_as_three_mistakes(tmp_path: Path
         ((finding,),) = find_suspicions([rubbing(robot.with_gravity(pull))], robot)
         assert (finding.kind, finding.severity) == (kind, "error")
         assert "+y" not in finding.text
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_motor_that_turns_with_two_joints_is_named(sign: float, tmp_path: Path) -> None:
+    """Of a leg with a parallelogram that nobody had described ten doubtful causes were told."""
+    wrist = f"<joint name='wrist' axis='0 1 0'/>{_LOWER}"
+    robot = written_arm(tmp_path, ("0 0 0", _UPPER), ("0 0 -.4", wrist))
+    coupled = np.array([[1.0, 0.0], [-sign, 1.0]])
+    gears = replace(robot.transmission, topology=coupled)
+    coupled_robot, drawn = robot.with_transmission(gears), np.random.default_rng(0)
+    waves = drawn.uniform((0.1, 0.5, 0.0), (0.5, 6.0, 6.0), (3, 2, 6, 3))
+    time = np.arange(0.0, 20.0, 0.01)
+    logs = [moved(coupled_robot, time, own, seed=k) for k, own in enumerate(waves)]
+    (finding,) = find_suspicions(logs, robot)[0]
+    assert (finding.kind, finding.severity) == ("coupling", "error")
+    way = finding.way_out
+    text = (tmp_path / "robot.toml").read_text() + way[way.index("[transmission]") :]
+    (tmp_path / "robot.toml").write_text(text)
+    mended_robot = load_robot(tmp_path / "robot.toml")
+    assert mended_robot.transmission.topology == pytest.approx(coupled)
+    assert find_suspicions(logs, mended_robot) == [[], [], []]
 
 
 @pytest.mark.parametrize("size", [200.0, 1000.0])

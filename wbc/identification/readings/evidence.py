@@ -350,9 +350,9 @@ class Bench:
         rules = parse_column_map(reading.mend).rules
         moved = linear([f"{joint}.position" for joint in rows.robot.single_joints], rules)[:3]
         sources, factor, _, lag = linear(rows.torques, rules)
-        place = (log, *(part.tobytes() for part in moved), reading.gravity)
+        place = (log, *(part.tobytes() for part in moved), reading.described)
         if place not in self._needs:
-            self._needs[place] = rows.need(*moved, reading.gravity)
+            self._needs[place] = rows.need(*moved, reading.described)
         need = self._needs[place]
         torque = (rows.late(lag) if lag.any() else rows.torque)[:, sources]
         torque = torque * (factor * rows.conversion / rows.conversion[sources])

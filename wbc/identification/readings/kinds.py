@@ -7,27 +7,32 @@ asks the map what it makes of the columns, so that what is judged is what is pri
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import combinations, product
 from math import degrees, exp, log as ln
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from wbc.arrays import BoolArray
-from wbc.identification.readings.log_rows import LogRows
+from wbc.arrays import BoolArray, FloatArray
+from wbc.identification.readings.log_rows import Described, LogRows, without_gravity
 from wbc.measurement.column_map import ENCODER_RATES, Mend
 from wbc.measurement.column_mistakes import COUNTS_OF_A_TURN, EVERYWHERE, log_mixture, whole_counts
 from wbc.measurement.log import Log, listed
 from wbc.measurement.schema import LOG_UNITS
+from wbc.robot import Robot
 from wbc.robot.coordinates import slides
 
 _SOMEWHERE = ln(0.01)
 _RARE = ln(0.003)
 LINKS = "links"
 """Kind of a reading in which no column is wrong, but the description of links."""
-_STATE = "robot.toml must say so, at its top:\n"
-_STATE += '    gravity = {{ value = {}, unit = "m/s^2", source = "{}" }}'
+_GRAVITY = "robot.toml must say so, at its top:\n"
+_GRAVITY += '    gravity = {{ value = {}, unit = "m/s^2", source = "{}" }}'
+_COUPLED = "robot.toml must say so:\n    [transmission]\n"
+_COUPLED += '    topology = {{ value = {}, unit = "1", source = "the logs" }}'
+_SUMS = {1.0: "sum", -1.0: "difference"}
 _WHOLE = "record the whole torque (an option of the driver). For torques that never held gravity, "
 Lag: TypeAlias = tuple[Sequence[int], float]
 Turn: TypeAlias = tuple[int, float, float, tuple[int, ...], tuple[int, ...] | None]
@@ -47,8 +52,7 @@ class Reading:
         text: what is wrong, as a clause; empty for the log as it stands.
         prior: log probability before the rows are seen.
         mend: the map that reads the log so.
-        gravity: (3,) that the torques hold, in the frame of the base [m/s^2]; None as the robot
-            states it.
+        described: robot -> what it must be instead; None where only columns are read otherwise.
         way: what to do where no column is wrong.
         behind: driven joints whose need stays as it is: those behind links that are not as drawn.
         exchanged: driven joints that have each other's columns.
@@ -59,7 +63,7 @@ class Reading:
     text: str = ""
     prior: float = ln(0.8)
     mend: Mend = field(default_factory=dict)
-    gravity: tuple[float, ...] | None = None
+    described: Described | None = None
     way: str = ""
     behind: tuple[int, ...] = ()
     exchanged: tuple[int, ...] = ()
@@ -87,8 +91,9 @@ def readings(
     yield from _exchanges(rows, lost)
     yield from _late(rows, lags)
     yield from _turned(rows, turns)
-    if doubtful and rows.weighs:
-        yield from _gravities(rows)
+    if doubtful:
+        yield from _couplings(rows)
+        yield from _gravities(rows) if rows.weighs else ()
 
 
 def _signs_and_sides(rows: LogRows) -> Iterator[Reading]:
@@ -202,21 +207,50 @@ def _turned(rows: LogRows, turns: Sequence[Turn]) -> Iterator[Reading]:
 
 def _gravities(rows: LogRows) -> Iterator[Reading]:
     """Yield no gravity, and gravity along the other axes of the base that need another torque."""
-    why, none = "the driver takes it out", (0.0, 0.0, 0.0)
-    text, way = f"{_holds(rows.torques)} no gravity: {why}", _WHOLE + _STATE.format([0, 0, 0], why)
-    yield Reading("no_gravity", text, EVERYWHERE, gravity=none, way=way)
+    why, none = "the driver takes it out", without_gravity
+    text = f"{_holds(rows.torques)} no gravity: {why}"
+    way = _WHOLE + _GRAVITY.format([0, 0, 0], why)
+    yield Reading("no_gravity", text, EVERYWHERE, described=none, way=way)
     stated, axes = rows.robot.model.gravity.linear, np.vstack([np.eye(3), -np.eye(3)])
-    nearest = int(np.argmax(axes @ stated))
+    nearest, weightless = int(np.argmax(axes @ stated)), rows.need(described=none).links
     for k, axis in enumerate(axes):
-        pull = tuple((np.round(np.linalg.norm(stated), 4) * axis + 0.0).tolist())  # 0, not -0
-        same = np.allclose(rows.need(gravity=pull).links, rows.need(gravity=none).links)
-        if k == nearest or same:
+        pull = (np.round(np.linalg.norm(stated), 4) * axis + 0.0).tolist()  # 0, not -0
+        other = partial(Robot.with_gravity, gravity=pull)
+        if k == nearest or np.allclose(rows.need(described=other).links, weightless):
             continue
         why = "mounted upside down" if k % 3 == nearest % 3 else "mounted on its side"
         text = f"gravity acts along {'+-'[k // 3]}{'xyz'[k % 3]} of the base: the robot is {why}"
         # The five directions together are as likely as no gravity.
-        way, prior = _STATE.format([*pull], why), EVERYWHERE - ln(5.0)
-        yield Reading("gravity_direction", text, prior, gravity=pull, way=way)
+        way, prior = _GRAVITY.format(pull, why), EVERYWHERE - ln(5.0)
+        yield Reading("gravity_direction", text, prior, described=other, way=way)
+
+
+def _couplings(rows: LogRows) -> Iterator[Reading]:
+    """Yield motors that stand before the joint before, and turn with both joints.
+
+    Parallelograms and belts drive legs and arms so. What the joint behind needs is then no load of
+    the motor before:  psi_b = q_b +- q_a,  tau_a less +- tau_b.
+    """
+    gears, model = rows.robot.transmission, rows.robot.model
+    places = {model.getJointId(joint): k for k, joint in enumerate(gears.joints)}
+    if not np.array_equal(gears.topology, np.eye(gears.size)) or np.isfinite(rows.sensed).any():
+        return
+    pairs = [(places.get(model.parents[number]), b) for number, b in places.items()]
+    for (a, b), sign in product(pairs, (1.0, -1.0)):
+        if a is None:
+            continue
+        topology = np.eye(gears.size)
+        topology[b, a] = -sign
+        one, other = gears.joints[a], gears.joints[b]
+        text = f"the motor of {other} turns with {one}, too, by the {_SUMS[sign]} of both angles"
+        way = _COUPLED.format(topology.tolist())
+        coupled = partial(_driven_by, topology=topology)
+        yield Reading("coupling", text, _RARE, described=coupled, way=way)
+
+
+def _driven_by(robot: Robot, topology: FloatArray) -> Robot:
+    """Return a robot whose motors drive its joints through another topology."""
+    return robot.with_transmission(replace(robot.transmission, topology=topology))
 
 
 def _mended(

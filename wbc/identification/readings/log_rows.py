@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -27,6 +27,7 @@ from wbc.measurement.log import Log, longest_piece, too_short
 from wbc.measurement.schema import REPORTED
 from wbc.robot import Motion, Robot
 
+Described: TypeAlias = Callable[[Robot], Robot]
 BEHIND_GEARS = (".motor_torque", ".joint_torque")
 """Ends of the names of columns that are torques at the output of a gear."""
 
@@ -90,7 +91,7 @@ class LogRows:
         """Whether gravity is part of what the links need, and no sensor stands for them."""
         if self.robot.floating_size:
             return False
-        held = self.as_is.links - self.need(gravity=(0.0, 0.0, 0.0)).links
+        held = self.as_is.links - self.need(described=without_gravity).links
         return bool(np.any(np.std(held, axis=0) > _ROUNDING))
 
     @cached_property
@@ -103,7 +104,7 @@ class LogRows:
         order: IntArray | slice = slice(None),
         factor: FloatArray | float = 1.0,
         offset: FloatArray | float = 0.0,
-        gravity: Sequence[float] | None = None,
+        described: Described | None = None,
     ) -> Need:
         """Return what the motion needs if the single joints' columns are read differently.
 
@@ -111,9 +112,9 @@ class LogRows:
             order: (n,) single joint i has the column of single joint order[i] ...
             factor: (n,) ... times this ...
             offset: (n,) ... and this added to the positions.
-            gravity: (3,) in the frame of the base [m/s^2], None as the robot states it.
+            described: robot -> what it should be instead, None for nothing else.
         """
-        robot = self.robot if gravity is None else self.robot.with_gravity(gravity)
+        robot = self.robot if described is None else described(self.robot)
         given = self.motion
         q, v, a = map(np.array, (given.position, given.velocity, given.acceleration))
         at = np.array([robot.position_index(name) for name in robot.single_joints], dtype=np.int_)
@@ -148,6 +149,11 @@ class Need(NamedTuple):
     whole: FloatArray
     speed: FloatArray
     change: FloatArray
+
+
+def without_gravity(robot: Robot) -> Robot:
+    """Return a robot whose links weigh nothing."""
+    return robot.with_gravity(np.zeros(3))
 
 
 def rows_of(robot: Robot, log: Log) -> LogRows | None:
