@@ -11,6 +11,7 @@ from tests.columns import write_columns
 from tests.moved import moved, swing
 from wbc import load_robot
 from wbc.effects import (
+    ActuationDelay,
     CoulombFriction,
     CurrentLimit,
     Presliding,
@@ -92,6 +93,22 @@ def test_torques_that_are_all_late_change_nothing() -> None:
     )
     assert late == pytest.approx(usual, rel=0.1)
     assert one > 1.4 * usual
+
+
+def test_a_delay_that_causes_take_back_is_none_of_all_torques() -> None:
+    """Only causes that can be no time counted beside it: six delays stayed in a recorded arm."""
+    arm = load_robot("staubli_tx40").lossless()
+    sizes = zip(arm.transmission.joints, (9.0, 9.0, 4.0, 2.0, 2.0, 1.0), strict=True)
+    rubs = [ViscousFriction(joint, coefficient=size) for joint, size in sizes]
+    waves = np.random.default_rng(0).uniform((0.05, 0.5, 0.0), (0.3, 6.0, 6.0), (6, 3, 3))
+    run = moved(arm.with_effects(*rubs), np.arange(0.0, 8.0, 0.004), waves)
+    names = [name for name in run.columns if name.endswith("torque")]
+    problem = EstimationProblem.from_logs(arm, [turned(run, names, 0.018)])
+    delays = [ActuationDelay(joint, delay=0.018) for joint in arm.transmission.joints]
+    retimed = problem.retimed(arm, [*rubs, *delays])
+    assert retimed is not None
+    assert retimed.lag == pytest.approx(-0.018, abs=5e-4)
+    assert sum("All torques are" in text for text in retimed.warnings) == 1
 
 
 def test_friction_that_builds_up_is_no_delay_of_all_torques() -> None:

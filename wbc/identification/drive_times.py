@@ -194,8 +194,8 @@ def _of_links(records: Sequence[Record], links: Sequence[int]) -> FloatArray:
 
 def on_time(
     robot: Robot, logs: Sequence[Log], known: Sequence[Effect] = ()
-) -> tuple[list[Log], list[str]]:
-    """Return logs without the delay that all reported torques share, and what that took out.
+) -> tuple[list[Log], float]:
+    """Return logs without the delay that all reported torques share, and that delay [s].
 
     A bus or another clock makes them late, all alike, and the moment at which drives sample makes
     them early or late. On a sound arm, simulated, 5 ms were a drag at each of four joints. A delay
@@ -217,24 +217,28 @@ def on_time(
         told &= ~np.any([record.followed for record in records], axis=0)
         told &= ~np.isin(robot.transmission.joints, delays)
         if np.count_nonzero(told) < AGREEING:
-            return list(logs), []
+            return list(logs), 0.0
         missed = condensed_residual(links.with_effects(*known), records)
-        missed = missed[:, : told.size][:, told]
-        left.append(np.mean(missed**2, axis=0) + 1e-300)
+        left.append(np.mean(missed[:, : told.size][:, told] ** 2, axis=0) + 1e-300)
         squares, _ = _normal_equations(records, told, (), known)
         alone, together = (_cheapest(*squares, [free], -np.inf) for free in ([], [_WHOLE]))
         if not lag and alone[0] <= together[0]:
-            return list(logs), []
+            return list(logs), 0.0
         more = -float(together[1][_WHOLE])
         if lag and abs(more) <= _REPEATS * abs(lag):
             break
         lag += more
         moved = [turned(log, _torques(log), lag) for log in logs]
     if np.sum(np.log(left[-1] / left[0])) >= 0.0:
-        return list(logs), []
+        return list(logs), 0.0
+    return moved, lag
+
+
+def about_lag(lag: float) -> list[str]:
+    """Return one sentence about the delay of all torques [s] that was taken out; none without."""
     side = "behind" if lag > 0.0 else "ahead of"
-    said = f"torques are {1e3 * abs(lag):.1f} ms {side} the motion. That is taken out."
-    return moved, [f"Beside the causes found, all {said}" if known else f"All {said}"]
+    told = f"All torques are {1e3 * abs(lag):.1f} ms {side} the motion. That is taken out."
+    return [told] if lag else []
 
 
 def _torques(log: Log) -> list[str]:

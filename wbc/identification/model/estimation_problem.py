@@ -17,6 +17,7 @@ from wbc.identification.drive_times import (
     MISSED,
     STAND_INS,
     about_drive_times,
+    about_lag,
     differing_times,
     made_by_own_times,
     missed_by_times,
@@ -32,7 +33,7 @@ from wbc.identification.model.residual import (
     passed_on,
     torque_of_drives,
 )
-from wbc.identification.model.yielding import rubbing_effects
+from wbc.identification.model.yielding import deflects, rubbing_effects
 from wbc.identification.readings import find_repeats, suspicions
 from wbc.identification.readings.checks import require_readable, require_robot_and_logs
 from wbc.identification.records.drives import sensors_as_reports
@@ -110,6 +111,7 @@ class EstimationProblem:
         warnings: about the logs.
         silent: joints whose drive reports no torque of the motion.
         still: driven joints that move in no log: stiction carries an unknown part of their load.
+        lag: delay of all torques that is taken out of the logs [s].
     """
 
     robot: Robot
@@ -123,6 +125,7 @@ class EstimationProblem:
     warnings: tuple[str, ...] = ()
     silent: tuple[str, ...] = ()
     still: tuple[str, ...] = ()
+    lag: float = 0.0
 
     @classmethod
     def from_logs(cls, robot: Robot, logs: Sequence[Log]) -> EstimationProblem:
@@ -138,13 +141,15 @@ class EstimationProblem:
             require_readable(robot, piece)
         pieces = [sensors_as_reports(robot, piece) for piece in pieces]
         robot = robot.with_torque_sensors(sensed_joints(robot, pieces))
-        pieces, late = _on_one_clock(robot, pieces)
+        pieces, late = _on_one_clock(pieces)
+        rigid = [effect for effect in robot.effects if not deflects(effect)]
+        pieces, lag = on_time(robot, pieces, rigid)
         robot, prepared, _ = prepared_with_times(robot, pieces)
-        warnings += [*late, *about_drive_times(robot)]
+        warnings += [*late, *about_lag(lag), *about_drive_times(robot)]
         warnings += unmeasured_forces(prepared, output_names(robot))
         warnings += [*standing_joints(prepared), *low_passed_torques(prepared)]
         warnings += slow_logs(pieces, prepared[0].bandwidth.residual)
-        return cls._of(robot, pieces, prepared, warnings)
+        return replace(cls._of(robot, pieces, prepared, warnings), lag=lag)
 
     def nearer(self, reversal: float) -> EstimationProblem:
         """Return the problem of the same logs, which need no second check, nearer to reversals.
@@ -164,20 +169,20 @@ class EstimationProblem:
         """
         given = given.with_torque_sensors(self.robot.torque_sensors)
         kept = [effect for effect in found if not isinstance(effect, STAND_INS)]
-        if not kept:
+        robot, logs, lag, prepared = self.robot, list(self.logs), self.lag, None
+        beside = [effect for effect in found if not isinstance(effect, ActuationDelay)]
+        if len(found) - len(beside) >= AGREEING:
+            logs, more = on_time(given, logs, beside)
+            if more:  # delays at several joints took back what is none of all torques
+                prepared, lag = prepare(robot.without_effects().lossless(), logs), lag + more
+        if prepared is None and kept and (differing := differing_times(given, robot, logs, kept)):
+            robot, prepared = differing
+        if prepared is None:
             return None
-        if sum(isinstance(effect, ActuationDelay) for effect in found) >= AGREEING:
-            logs, behind = on_time(given, self.logs, kept)
-            if behind:  # delays at several joints took back what is none of all torques
-                prepared = prepare(self.robot.without_effects().lossless(), logs)
-                return self._of(self.robot, logs, prepared, [*self.warnings, *behind])
-        differing = differing_times(given, self.robot, self.logs, kept)
-        if differing is None:
-            return None
-        robot, prepared = differing
-        old = about_drive_times(self.robot)
-        said = [*(text for text in self.warnings if text not in old), *about_drive_times(robot)]
-        return self._of(robot, self.logs, prepared, said)
+        old = [*about_lag(self.lag), *about_drive_times(self.robot)]
+        said = [text for text in self.warnings if text not in old]
+        said += [*about_lag(lag), *about_drive_times(robot)]
+        return replace(self._of(robot, logs, prepared, said), lag=lag)
 
     @classmethod
     def _of(
@@ -517,8 +522,8 @@ class EstimationProblem:
         )
 
 
-def _on_one_clock(robot: Robot, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
-    """Return logs without the delays of velocities, and of all torques, and what that took out.
+def _on_one_clock(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
+    """Return logs without the delays of velocities, and what that took out.
 
     A velocity that is late makes its torque early: on a sound arm, simulated, low-passes of 13 ms
     were ten false names.
@@ -531,8 +536,7 @@ def _on_one_clock(robot: Robot, logs: Sequence[Log]) -> tuple[list[Log], list[st
         "of their positions. That is taken out; `wbc check` shows each."
     )
     aligned = [align_velocity(*pair) for pair in zip(logs, late, strict=True)]
-    aligned, behind = on_time(robot, aligned)
-    return aligned, [said, *behind] if joints else behind
+    return aligned, [said] if joints else []
 
 
 def alike_shifts(fit: Fit, first: FloatArray, noise: FloatArray) -> FloatArray:
