@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.conftest import Told
-from tests.moved import STEP, servo, servo_log
+from tests.moved import STEP, moved, servo, servo_log
 from wbc.effects import CoulombFriction, TransmissionEfficiency, load_robot
 from wbc.identification.open_loop import HORIZONS, open_loop
 from wbc.identification.readings import with_machine
@@ -40,6 +40,14 @@ def test_a_drive_with_a_target_sees_the_simulated_motion() -> None:
     # With the torque that the drive made along the log a heavier arm would fall; held by its
     # drive it misses by the sag of the position loop alone.
     assert 5e-3 < open_loop(servo(payload=0.1), [swung()]).error[0, -1] < 0.2
+
+
+def test_rows_are_read_along_lines_between_them() -> None:
+    """Rows that held until the next one made torques late by half of that time."""
+    leg, time = load_robot("planar_leg_fixed").lossless(), np.arange(0.0, 8.0, 0.02)
+    waves = np.random.default_rng(0).uniform((0.1, 0.5, 0.0), (0.3, 3.0, 6.0), (2, 3, 3))
+    found = open_loop(leg, [moved(leg, time, waves, noise=(0.0, 0.0, 0.0))], [0.1])
+    assert np.all(found.error < 2e-3 * found.moved)
 
 
 def test_a_log_is_simulated_with_its_own_load() -> None:

@@ -44,6 +44,7 @@ class SimulatedLog:
         plant: of that robot, without joint limits and ground.
         laws: one per drive.
         time: (N,) of the log [s], from its start.
+        rows: (N,) their numbers.
         forces: contact name -> (N, 3) [N] recorded.
         motion: smoothed states, on the clock of `states`.
         states: (M,) times of the states [s], from the log's start.
@@ -72,7 +73,7 @@ class SimulatedLog:
         endless.lowerPositionLimit = np.full(endless.nq, -np.inf)
         endless.upperPositionLimit = np.full(endless.nq, np.inf)
         self.plant = Plant(replace(own, model=endless), Plane(height=-_FAR), bodies="feet")
-        self.robot, self.time = own, log.time - log.time[0]
+        self.robot, self.time, self.rows = own, log.time - log.time[0], np.arange(len(log))
         self.laws = [drive_law(log, gears, k) for k in range(gears.size)]
         self.forces, self.motion = contact_forces(own, log), record.motion_of(own)
         self.states, edge = np.asarray(record.motion.time), record.edge / record.rate
@@ -108,18 +109,22 @@ class SimulatedLog:
     def _until(self, state: SimState, begin: float, horizon: float) -> SimState:
         """Return the state at `horizon` [s] after `begin`; `state.time` counts from there."""
         while state.time < horizon - 1e-9:
-            row = int(np.searchsorted(self.time, begin + state.time, side="right")) - 1
             step, external = min(_STEP, horizon - state.time), None
+            row = float(np.interp(begin + state.time + 0.5 * step, self.time, self.rows))
             if self.forces:
-                forces = {name: force[row][None] for name, force in self.forces.items()}
+                forces = {name: force[int(row)][None] for name, force in self.forces.items()}
                 external = contact_torque(self.robot, state.position[None], forces)[0]
             state = self.plant.step(state, self._command(state, row), step, external).state
             if not np.isfinite(state.position).all():
                 raise SimulationError("the simulated motion leaves all numbers.")
         return state
 
-    def _command(self, state: SimState, row: int) -> FloatArray:
-        """Return the rotor torque (m,) that the drives make of what their encoders show."""
+    def _command(self, state: SimState, row: float) -> FloatArray:
+        """Return the rotor torque (m,) that the drives make of what their encoders show.
+
+        Between two rows a log says what a line through both does, as comparisons read it: a row
+        that holds until the next one would be late by half of that time.
+        """
         robot, seen = self.robot, self.plant.encoders(state)
         motion = Motion(seen.position, seen.velocity)
         for effect in robot.effects:
@@ -127,7 +132,10 @@ class SimulatedLog:
         to_motor = robot.transmission.motor_from_joint
         angle = to_motor @ motion.position[robot.actuated_position]
         speed = to_motor @ motion.velocity[robot.actuated]
-        return np.array([law.at(row, angle[k], speed[k]) for k, law in enumerate(self.laws)])
+        share, rows = row % 1.0, (int(row), min(int(row) + 1, len(self.time) - 1))
+        pairs = zip(self.laws, angle, speed, strict=True)
+        each = np.array([[law.at(one, *seen) for one in rows] for law, *seen in pairs])
+        return np.asarray(each @ [1.0 - share, share])
 
 
 @dataclass(frozen=True, eq=False)
