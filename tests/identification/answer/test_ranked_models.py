@@ -192,3 +192,19 @@ def test_a_robot_without_its_effects_is_the_one_before_them() -> None:
     # What is changed in code after effects were added has no robot before them to go back to.
     moon = robot.with_gravity((0.0, 0.0, -1.62))
     assert moon.without_effects().model.gravity.linear[2] == -1.62
+
+
+def test_what_the_model_to_use_predicts_better_without_is_no_name(
+    logs: list[Log], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a sound arm a play was 98 % sure, and the model to use had none."""
+    problem = EstimationProblem.from_logs(TRUE, logs)
+    trials = Trials(problem)
+    worse = trials.of((CoulombFriction("hip", 0.1),))
+    assert worse is not None
+    place = "wbc.identification.answer.model_to_use"
+    monkeypatch.setattr(f"{place}._best", lambda *_: trials.nothing)
+    monkeypatch.setattr(trials, "best_of", lambda _: worse)
+    answer = model_to_use(SearchResult(trials, worse), [CoulombFriction])
+    assert answer.named is answer.hypothesis is trials.nothing
+    assert not answer.support

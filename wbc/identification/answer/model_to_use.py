@@ -87,6 +87,8 @@ def model_to_use(found: SearchResult, classes: Sequence[type[Effect]]) -> Answer
     most = trials.best_of([*others, found.final])
     names = judged(trials, most)
     used = _best(trials, names, classes) if classes else most
+    if set(used.keys) < set(most.keys):  # what harms a prediction is no name either
+        return judged(trials, used)
     return names if used is most else _doubting(trials, used, names)
 
 
