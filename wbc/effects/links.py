@@ -27,9 +27,14 @@ LOG_CHOLESKY = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3"
 # links 3 to 6 are 1.0, 0.6, 0.6 and 0.3 in this unit (links 1 and 2 cannot be told from rotors).
 USUAL = 0.2
 
-_SPREAD = 0.5  # standard deviation of the logarithm of how wrong drawings are beside USUAL
-_LARGEST_LOG = 1.5  # a mass between 1 / 20 and 20 times that drawn
-_LARGEST = 20.0  # of shears, and of shifts in radii of gyration
+SPREAD = 0.5
+"""Standard deviation of the logarithm of how wrong drawings are beside USUAL."""
+_LARGEST_LOG = 2.5  # a mass between 1 / 150 and 150 times that drawn
+# Of its distance, the radius of gyration of a ball that a fit begins with: from a point, it never
+# finds how wide a tool is that is a hundred times as wide as the flange before it.
+_BALL = 0.25
+_LEAST = float(np.exp(-2.0 * _LARGEST_LOG))  # eigenvalue of Q
+_LARGEST = 100.0  # of shears, and of shifts in radii of gyration: small flanges carry long tools
 _KEPT = 256  # drawn links that are remembered: a fit asks for each many times
 # ... and links that differ from their drawing: a derivative changes one number of one link at a
 # time, and asks for all of them.
@@ -101,19 +106,38 @@ def of_first_order(change: FloatArray) -> FloatArray:
     """Return the log-Cholesky parameters (10,) of the body that has a change of first order.
 
     What a link needs is linear in Q = L L'. To first order Q is 1 + S + S', with S the sum of the
-    parameters' own matrices: that is the body meant, however far it is from the drawing. Where no
-    such body can exist, the eigenvalues of Q are raised until one can.
+    parameters' own matrices: that is the body meant, however far it is from the drawing. Of what
+    somebody mounted, logs tell the weight and the first moments best: where a heavier link would
+    lack more of its drawing than drawings usually have too much, a ball that has both stands beside
+    the drawn link. Else the eigenvalues of Q are raised until a body can exist.
 
     Args:
         change: (10,) by which the parameters would change, were they small.
     """
     first = np.diag([*(change[0] + change[1:4]), change[0]])
     first[_SHEARS] = change[4:]
-    factor = _upper_factor(np.eye(4) + first + first.T, np.exp(-2.0 * _LARGEST_LOG))
+    meant = np.eye(4) + first + first.T
+    more = meant[3, 3] - 1.0
+    if more > 0.0 and lacking(meant) > 0.0:
+        point = np.append(meant[:3, 3] / more, 1.0)
+        wide = (_BALL * np.linalg.norm(point[:3])) ** 2
+        meant = np.eye(4) + more * (np.outer(point, point) + np.diag([wide, wide, wide, 0.0]))
+    factor = _upper_factor(meant, _LEAST)
     logs = np.log(np.diagonal(factor))
     found = [logs[3], *(logs[:3] - logs[3]), *(factor[_SHEARS] / factor[3, 3])]
     ends = [p.low for p in PARAMETERS], [p.high for p in PARAMETERS]
     return np.asarray(np.clip(found, *ends))
+
+
+def lacking(matrix: FloatArray) -> float:
+    """Return what a link costs that lacks more than drawings usually have too much [nats].
+
+    A body that somebody mounts raises the eigenvalues of Q (4, 4) and lowers none. The divergence
+    of `departures` is a sum over them: those below 1 are what is drawn and is not there.
+    """
+    below = np.clip(np.linalg.eigvalsh(matrix), _LEAST, 1.0)
+    distances = np.sqrt(np.maximum(below - np.log(below) - 1.0, 0.0)) / USUAL
+    return excess(np.pad(distances, (0, _COUNT - below.size)))
 
 
 @lru_cache(maxsize=_VARIED)
@@ -136,7 +160,7 @@ def excess(distances: FloatArray) -> float:
     that of drives has. What ten free numbers could explain is paid by holding out.
     """
     size = float(np.sqrt(np.mean(distances**2)))
-    return float(0.5 * (np.log(max(size, 1.0)) / _SPREAD) ** 2)
+    return float(0.5 * (np.log(max(size, 1.0)) / SPREAD) ** 2)
 
 
 def _length(robot: Robot, joint: int) -> float:
@@ -173,15 +197,13 @@ def _departures(effect: RedrawnLinks) -> FloatArray:
 
 
 def _missing(effect: LinkInertia, robot: Robot, motions: Sequence[Motion]) -> float:
-    """Return what one link costs of which more is missing than drawings usually have too much.
+    """Return what one link costs that lacks more than drawings usually have too much.
 
-    A body that somebody mounts raises the eigenvalues of Q = L L' and lowers none. The divergence
-    of `departures` is a sum over them: those below 1 are what is drawn and is not there.
+    First moments do not count: logs seldom tell how much of the second ones belongs to them.
     """
-    matrix = changed_pseudo_inertia(tuple(effect.values.values()))
-    below = np.minimum(np.linalg.eigvalsh(matrix), 1.0)
-    distances = np.sqrt(np.maximum(below - np.log(below) - 1.0, 0.0)) / USUAL
-    return excess(np.pad(distances, (0, _COUNT - below.size)))
+    matrix = np.array(changed_pseudo_inertia(tuple(effect.values.values())))
+    matrix[:3, 3] = matrix[3, :3] = 0.0
+    return lacking(matrix)
 
 
 def _quantities(effect: RedrawnLinks, robot: Robot) -> dict[str, Quantity]:

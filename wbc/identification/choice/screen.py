@@ -28,12 +28,13 @@ from wbc.identification.choice.drop_screen import Normal, cheaper, sums_by_outpu
 from wbc.identification.choice.evidence import Hypothesis, Key, density_gained
 from wbc.identification.model.columns import drawn
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.fit import RIDGE, Fit
+from wbc.identification.model.fit import RIDGE, Fit, more_wrong
 from wbc.identification.model.residual import evaluate
 from wbc.robot import Effect, Evidence
 
 _AT_ONCE = 16  # causes whose columns are multiplied at once
 _BUILT = 40  # causes whose numbers are looked at, those that add most density first
+_ROUNDS = 8  # until it is told how wrong a drawing is
 _WHOLE = "robot"  # where effects sit that have no place
 
 
@@ -294,9 +295,7 @@ class CauseScreen:
         """Return the products of the columns of several causes."""
         whitened = [own.columns.whitened(self.problem.whitening) for own in several]
         columns = -np.concatenate(whitened, axis=2).swapaxes(0, 1)
-        # What is usual in the weights of the fit.
-        noise = self.problem.row_noise(self.fit.residual) / self.fit.usual.noise
-        usual = block_diag(*(own.usual for own in several)) * float(noise.min())
+        usual = block_diag(*(own.usual for own in several))
         left = np.ascontiguousarray(self.fit.residual.T)
         beside, among = self._derivatives @ columns, columns.swapaxes(1, 2) @ columns
         return _Products(beside, among, (left[:, None] @ columns)[:, 0], usual)
@@ -307,16 +306,23 @@ class CauseScreen:
         start, covariance = self._normal.step_with(gone, steps), self._normal.covariance_with(gone)
         weights = 1.0 / self.fit.usual.noise
         across = np.einsum("o,kopr->kpr", weights, new.beside)
-        inner = np.einsum("o,kors->krs", weights, new.among) + new.usual
         taken = covariance @ across
         right = weights @ new.along + start @ across
-        size = np.sqrt(np.maximum(np.diagonal(inner, axis1=1, axis2=2), 1e-300))
-        apart = (inner - across.swapaxes(1, 2) @ taken) / size[:, :, None] / size[:, None]
-        apart += RIDGE * np.eye(size.shape[1])
-        numbers = -np.linalg.solve(apart, (right / size)[:, :, None])[:, :, 0] / size
+        told = np.einsum("o,kors->krs", weights, new.among)
+        # What is usual in the weights of the fit; drawings are as wrong as is likeliest.
+        noise = float(np.min(self.problem.row_noise(self.fit.residual) / self.fit.usual.noise))
+        wrong = np.ones(len(told))
+        for _ in range(_ROUNDS if new.usual.any() else 1):
+            inner = told + new.usual * (noise / wrong)[:, None, None]
+            size = np.sqrt(np.maximum(np.diagonal(inner, axis1=1, axis2=2), 1e-300))
+            apart = (inner - across.swapaxes(1, 2) @ taken) / size[:, :, None] / size[:, None]
+            apart += RIDGE * np.eye(size.shape[1])
+            numbers = -np.linalg.solve(apart, (right / size)[:, :, None])[:, :, 0] / size
+            squares = np.einsum("kr,krs,ks->k", numbers, new.usual, numbers)
+            wrong = more_wrong(squares, np.count_nonzero(new.usual.any(axis=1), axis=1)) ** 2
         steps = start - (taken @ numbers[:, :, None])[:, :, 0]
-        gram, moment, squares = self._sums
-        left = squares + 2.0 * (steps @ moment.T + np.einsum("kor,kr->ko", new.along, numbers))
+        gram, moment, before = self._sums
+        left = before + 2.0 * (steps @ moment.T + np.einsum("kor,kr->ko", new.along, numbers))
         left += np.einsum("okp,kp->ko", steps @ gram, steps)
         left += 2.0 * np.einsum("kp,kopr,kr->ko", steps, new.beside, numbers, optimize=True)
         left += np.einsum("kr,kors,ks->ko", numbers, new.among, numbers, optimize=True)

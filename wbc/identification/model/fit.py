@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.effects.links import SPREAD
 from wbc.errors import DynamicsError
 from wbc.identification.model.columns import STEP, Columns, derivatives, drawn
 from wbc.identification.model.residual import IMPOSSIBLE, Evaluation, Slots, evaluate, with_changes
@@ -19,6 +20,7 @@ from wbc.robot import Effect, Parameter, Robot
 
 # Added to a diagonal of ones, so that parameters that repeat one another can be solved for.
 RIDGE = 1e-9
+_ROUNDS = 8  # until the factor by which a drawing is wrong repeats itself
 
 
 class Part(NamedTuple):
@@ -45,12 +47,14 @@ class UsualRows:
         noise: (outputs,) mean square of what is left over independent samples per row: squares of
             the logs are divided by it, so that both are in squared standard deviations.
         samples: (outputs,) independent samples per row.
+        spread: what it costs that a drawing is more wrong than usual [2 nats].
     """
 
     residual: FloatArray
     jacobian: FloatArray
     noise: FloatArray
     samples: FloatArray
+    spread: float = 0.0
 
     @classmethod
     def none(cls, outputs: int, count: int) -> UsualRows:
@@ -67,24 +71,32 @@ class UsualRows:
     ) -> UsualRows:
         """Return the rows of these effects.
 
+        A drawing is drawn to with the standard deviation that is likeliest, see `more_wrong`. With
+        the usual one a tool of 2.8 kg on a flange of 0.2 kg was out of reach: 12,700 nats.
+
         Args:
             effects: with their numbers.
             slots: the p parameters as (number of effect, parameter).
             noise: (outputs,) mean square of what is left over independent samples per row.
             samples: (outputs,) independent samples per row.
         """
-        parts, ends = [], [0]
+        parts, ends, wrong, spread = [], [0], [], 0.0
         for effect in effects:
             parts.append(_departures(effect))
             ends.append(ends[-1] + parts[-1].size)
-        residual = np.concatenate([np.zeros(0), *parts])
+            count = effect.search.departures(effect).size
+            squares = np.array([np.sum(parts[-1][:count] ** 2)])
+            (size,) = more_wrong(squares, np.array([count])).tolist()
+            wrong += [*([size] * count), *([1.0] * (parts[-1].size - count))]
+            spread += 2.0 * count * np.log(size) + 2.0 * np.log1p((np.log(size) / SPREAD) ** 2)
+        residual, sizes = np.concatenate([np.zeros(0), *parts]), np.array(wrong)
         jacobian = np.zeros((residual.size, len(slots)))
         if residual.size:
             for column, (k, parameter) in enumerate(slots):
                 if parts[k].size:
                     rows = slice(ends[k], ends[k + 1])
                     jacobian[rows, column] = slope_of(_departures, effects[k], parameter, parts[k])
-        return cls(residual, jacobian, noise, samples)
+        return cls(residual / sizes, jacobian / sizes[:, None], noise, samples, spread)
 
     @property
     def weights(self) -> FloatArray:
@@ -108,7 +120,8 @@ class UsualRows:
         squares = np.mean(residual**2, axis=0)
         variance = np.maximum(squares, 1.0)
         each = np.log(variance) + squares / variance
-        return float(len(residual) * self.samples @ each + self.residual @ self.residual)
+        beside = self.residual @ self.residual + self.spread
+        return float(len(residual) * self.samples @ each + beside)
 
     def beside_open(
         self, held: FloatArray, jacobian: FloatArray, parts: Sequence[Part]
@@ -146,6 +159,25 @@ class UsualRows:
             squares[rows] = left * (left - change_along(own, step))
             cost += 0.5 * (_log_det(known) - _log_det(known - gram[chosen]))
         return squares, cost
+
+
+def more_wrong(squares: FloatArray, count: IntArray) -> FloatArray:
+    """Return by which factors drawings are likeliest more wrong than usual, 1 or more.
+
+    Of n numbers, d^2 from what is usual in sum, and a factor s whose logarithm has the density of
+    Cauchy, -n log s - d^2 / (2 s^2) - log(1 + (log s / w)^2) is largest where
+    s^2 = d^2 / (n + 2 log s / (w^2 + (log s)^2)).  A tool on a small flange is as far from its
+    drawing as no drawing is wrong: a normal density keeps it from being found.
+
+    Args:
+        squares: d^2, of each drawing.
+        count: n.
+    """
+    size = np.ones_like(squares)
+    for _ in range(_ROUNDS):
+        told = np.maximum(count + 2.0 * np.log(size) / (SPREAD**2 + np.log(size) ** 2), 1.0)
+        size = np.maximum(np.sqrt(squares / told), 1.0)
+    return np.asarray(size)
 
 
 def _log_det(matrix: FloatArray) -> float:
