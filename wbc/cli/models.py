@@ -120,7 +120,7 @@ def run_diagnose(options: Options, console: Console) -> Outcome:
     if options.save:
         # Before the logs are simulated, which takes a minute the first time: nobody loses it then.
         _save(options.save, diagnosis.robot, diagnosis.intervals(), logs)
-    if any(INTERRUPTED in warning for warning in diagnosis.warnings):
+    if diagnosis.stopped == INTERRUPTED:
         until = 0.0  # nobody who stopped the search waits for a simulation
     robots = (robot, diagnosis.robot) if diagnosis.findings else (robot,)
     simulated = simulated_later(robots, logs, console, until)

@@ -12,6 +12,7 @@ from wbc.arrays import FloatArray
 from wbc.effects import Backlash, CoulombFriction, JointCompliance, ViscousFriction, load_robot
 from wbc.identification import diagnose
 from wbc.identification.answer import diagnose as answer
+from wbc.identification.answer.words import verdict_sentence
 from wbc.identification.choice import find_causes as search
 from wbc.identification.choice.find_causes import find_causes
 from wbc.identification.choice.trials import OutOfTime, Trials
@@ -172,4 +173,5 @@ def test_an_interrupt_at_any_time_after_the_search_is_answered(
     monkeypatch.setattr(owner, place, interrupted)
     found = diagnose(LEG, logs, [CoulombFriction, ViscousFriction])
     assert "interrupted" in found.warnings[0]
+    assert "did not end by itself (it was interrupted)" in verdict_sentence(found)
     assert [effect.key for effect in found.effects] == [KEY]

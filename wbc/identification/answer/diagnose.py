@@ -164,6 +164,7 @@ def _answered(
         silent=problem.silent,
         band=problem.records[0].bandwidth.residual,
         trait=common_trait(problem, fit, doubtful) if several else "",
+        stopped=found.stopped,
     )
 
 

@@ -204,6 +204,7 @@ class Diagnosis(Shown):
         silent: joints whose drives report no torque of the motion; set aside unless no other drive
             reports.
         trait: what several doubtful causes add together, in words; empty without several.
+        stopped: why the search ended early, in words; empty where it did not.
     """
 
     verdict: Verdict
@@ -224,6 +225,7 @@ class Diagnosis(Shown):
     silent: tuple[str, ...] = ()
     band: float = np.nan
     trait: str = ""
+    stopped: str = ""
 
     def effect_rows(self) -> TextTable:
         """Return the effects found, the doubtful last, each kind of them in one line."""

@@ -42,6 +42,11 @@ _NEW_RUNS = ("new1.csv", "new2.csv")
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """Return what is certain, what is likely, how good the model is, what is left and doubtful."""
+    cut = f"The search did not end by itself ({diagnosis.stopped}): this is the best answer so far."
+    return f"{cut} {_sentence(diagnosis)}" if diagnosis.stopped else _sentence(diagnosis)
+
+
+def _sentence(diagnosis: Diagnosis) -> str:
     silent, judged = not_following(diagnosis.silent), _judged(diagnosis)
     worst = max(judged, key=lambda o: o.after / _noise(o))
     left = f"{plain(worst.after, 2)} {worst.unit} are left at {worst.output}"
