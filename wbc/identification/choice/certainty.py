@@ -12,6 +12,7 @@ from wbc.identification.choice.constancy import stand_in_evidence
 from wbc.identification.choice.drop_screen import Drops, until_null, without_each
 from wbc.identification.choice.evidence import Hypothesis, Key, weigh, without
 from wbc.identification.choice.trials import Trials
+from wbc.identification.model.columns import drawn
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.records.record import bins_of, explained_by, output_gear
@@ -261,9 +262,10 @@ def _place_of(problem: EstimationProblem, own: Effect, change: FloatArray) -> st
     """Return the joint whose position alone tells what a cause adds; empty for none.
 
     At the output that feels the cause most. What machines usually have, such as friction along one
-    slow sweep, is none of several laws that one cause could be.
+    slow sweep, is none of several laws that one cause could be. Another link than the drawn one is:
+    its weight is a law of position.
     """
-    if own.search.expected > 0.0:
+    if own.search.expected > 0.0 and not drawn(own):
         return ""
     robot, column = problem.robot, int(np.argmax(np.sum(change**2, axis=0)))
     gear = output_gear(robot, int(problem.floor.judged[column]))
