@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.moved import moved
-from wbc.effects import load_robot
+from wbc.effects import LoadFriction, load_robot
 from wbc.identification.readings import find_suspicions
 from wbc.measurement import Log, mended
 from wbc.robot import Robot
@@ -85,8 +85,11 @@ def test_torques_of_one_joint_far_above_the_need_are_no_other_column(tmp_path: P
     """A reading was told that explained them as well as before, on a UR10 less: 13 % after 32 %."""
     robot = arm_of(-0.08, tmp_path)
     log, name = rubbing(robot), "wrist.rotor_torque"
-    ((finding,),) = find_suspicions([log.with_columns({name: 15.0 * log.column(name)})], robot)
+    larger = log.with_columns({name: 15.0 * log.column(name)})
+    ((finding,),) = find_suspicions([larger], robot)
     assert finding.text == "torques of wrist are 15 times what the links need."
+    # `compare` doubted each robot so that `diagnose` had saved with losses of its gears.
+    assert find_suspicions([larger], robot.with_effect(LoadFriction("wrist", 0.2))) == [[]]
 
 
 def test_no_gravity_of_a_planar_arm_is_not_told_as_three_mistakes(tmp_path: Path) -> None:

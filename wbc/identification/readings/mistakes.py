@@ -292,9 +292,10 @@ def told_by_rows(robot: Robot, logs: Sequence[Log]) -> dict[str, tuple[float, fl
 def _other_scale(robot: Robot, as_is: Judged) -> list[LogFinding]:
     """Return the torques that are as many times too large in all joints, or in one alone.
 
-    A gear ratio, a torque constant and masses make the same factor; only a remark comes of it.
+    A gear ratio, a torque constant and masses make the same factor; only a remark comes of it. So
+    do causes that a robot is known to have, such as losses of its gears.
     """
-    if robot.transmission.size < 2:
+    if robot.transmission.size < 2 or robot.effects:
         return []
     total, _ = evidence.at_gains(as_is.reports)
     alike = logsumexp(evidence.SAME_GAIN + total, axis=1)
