@@ -19,7 +19,7 @@ from wbc.identification.answer.model_to_use import Answer, model_to_use
 from wbc.identification.answer.ranking import correlation_of, rank_hypotheses
 from wbc.identification.answer.remainder import Remainder, common_trait, describe, remainders
 from wbc.identification.answer.shown import series_of
-from wbc.identification.answer.words import not_following
+from wbc.identification.answer.words import cut_short, not_following
 from wbc.identification.choice import find_causes as search
 from wbc.identification.choice.certainty import CERTAIN, EVEN, Support
 from wbc.identification.choice.evidence import Hypothesis, Key
@@ -191,9 +191,7 @@ def _about_the_search(found: search.SearchResult) -> list[str]:
     """Return what a reader must know of a search that ended early or left effects out."""
     texts = []
     if found.stopped:
-        texts.append(
-            f"The search did not end by itself ({found.stopped}): this is the best answer so far."
-        )
+        texts.append(cut_short(found.stopped))
     for failure, count in found.trials.failures.items():
         trials = "one trial was" if count == 1 else f"{count} trials were"
         texts.append(f"{trials} left out of the search: {failure}")

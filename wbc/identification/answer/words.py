@@ -42,8 +42,13 @@ _NEW_RUNS = ("new1.csv", "new2.csv")
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """Return what is certain, what is likely, how good the model is, what is left and doubtful."""
-    cut = f"The search did not end by itself ({diagnosis.stopped}): this is the best answer so far."
-    return f"{cut} {_sentence(diagnosis)}" if diagnosis.stopped else _sentence(diagnosis)
+    return f"{cut_short(diagnosis.stopped)} {_sentence(diagnosis)}".lstrip()
+
+
+def cut_short(why: str) -> str:
+    """Return that a search ended early, and why; empty where it did not."""
+    said = f"The search did not end by itself ({why}): this is the best answer so far."
+    return said if why else ""
 
 
 def _sentence(diagnosis: Diagnosis) -> str:

@@ -28,13 +28,12 @@ from wbc.identification.choice.drop_screen import Normal, cheaper, sums_by_outpu
 from wbc.identification.choice.evidence import Hypothesis, Key, density_gained
 from wbc.identification.model.columns import drawn
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.fit import RIDGE, Fit, more_wrong
+from wbc.identification.model.fit import RIDGE, ROUNDS, Fit, more_wrong
 from wbc.identification.model.residual import evaluate
 from wbc.robot import Effect, Evidence
 
 _AT_ONCE = 16  # causes whose columns are multiplied at once
 _BUILT = 40  # causes whose numbers are looked at, those that add most density first
-_ROUNDS = 8  # until it is told how wrong a drawing is
 _WHOLE = "robot"  # where effects sit that have no place
 
 
@@ -312,7 +311,7 @@ class CauseScreen:
         # What is usual in the weights of the fit; drawings are as wrong as is likeliest.
         noise = float(np.min(self.problem.row_noise(self.fit.residual) / self.fit.usual.noise))
         wrong = np.ones(len(told))
-        for _ in range(_ROUNDS if new.usual.any() else 1):
+        for _ in range(ROUNDS if new.usual.any() else 1):
             inner = told + new.usual * (noise / wrong)[:, None, None]
             size = np.sqrt(np.maximum(np.diagonal(inner, axis1=1, axis2=2), 1e-300))
             apart = (inner - across.swapaxes(1, 2) @ taken) / size[:, :, None] / size[:, None]

@@ -169,16 +169,17 @@ class EstimationProblem:
         """
         given = given.with_torque_sensors(self.robot.torque_sensors)
         kept = [effect for effect in found if not isinstance(effect, STAND_INS)]
-        robot, logs, lag, prepared = self.robot, list(self.logs), self.lag, None
         beside = [effect for effect in found if not isinstance(effect, ActuationDelay)]
+        robot, logs, more = self.robot, list(self.logs), 0.0
         if len(found) - len(beside) >= AGREEING:
             logs, more = on_time(given, logs, beside)
-            if more:  # delays at several joints took back what is none of all torques
-                prepared, lag = prepare(robot.without_effects().lossless(), logs), lag + more
-        if prepared is None and kept and (differing := differing_times(given, robot, logs, kept)):
+        if more:  # delays at several joints took back what is none of all torques
+            prepared = prepare(robot.without_effects().lossless(), logs)
+        elif kept and (differing := differing_times(given, robot, logs, kept)):
             robot, prepared = differing
-        if prepared is None:
+        else:
             return None
+        lag = self.lag + more
         old = [*about_lag(self.lag), *about_drive_times(self.robot)]
         said = [text for text in self.warnings if text not in old]
         said += [*about_lag(lag), *about_drive_times(robot)]

@@ -20,7 +20,8 @@ from wbc.robot import Effect, Parameter, Robot
 
 # Added to a diagonal of ones, so that parameters that repeat one another can be solved for.
 RIDGE = 1e-9
-_ROUNDS = 8  # until the factor by which a drawing is wrong repeats itself
+ROUNDS = 8
+"""Rounds until the factor by which a drawing is wrong repeats itself."""
 
 
 class Part(NamedTuple):
@@ -71,8 +72,8 @@ class UsualRows:
     ) -> UsualRows:
         """Return the rows of these effects.
 
-        A drawing is drawn to with the standard deviation that is likeliest, see `more_wrong`. With
-        the usual one a tool of 2.8 kg on a flange of 0.2 kg was out of reach: 12,700 nats.
+        Numbers are held to a drawing with the standard deviation that is likeliest, see
+        `more_wrong`. With the usual one a tool of 2.8 kg on a flange of 0.2 kg cost 12,700 nats.
 
         Args:
             effects: with their numbers.
@@ -80,16 +81,19 @@ class UsualRows:
             noise: (outputs,) mean square of what is left over independent samples per row.
             samples: (outputs,) independent samples per row.
         """
-        parts, ends, wrong, spread = [], [0], [], 0.0
+        parts, wrong, spread = [], [], 0.0
         for effect in effects:
-            parts.append(_departures(effect))
-            ends.append(ends[-1] + parts[-1].size)
-            count = effect.search.departures(effect).size
-            squares = np.array([np.sum(parts[-1][:count] ** 2)])
-            (size,) = more_wrong(squares, np.array([count])).tolist()
-            wrong += [*([size] * count), *([1.0] * (parts[-1].size - count))]
-            spread += 2.0 * count * np.log(size) + 2.0 * np.log1p((np.log(size) / SPREAD) ** 2)
-        residual, sizes = np.concatenate([np.zeros(0), *parts]), np.array(wrong)
+            held = effect.search.departures(effect)
+            parts.append(np.concatenate([held, _beyond_usual(effect)]))
+            size = 1.0
+            if held.size:
+                squares, count = np.array([np.sum(held**2)]), np.array([held.size])
+                (size,) = more_wrong(squares, count).tolist()
+                cost = np.log1p((np.log(size) / SPREAD) ** 2)
+                spread += 2.0 * (held.size * np.log(size) + cost)
+            wrong.append(np.where(np.arange(parts[-1].size) < held.size, size, 1.0))
+        ends = np.cumsum([0, *(part.size for part in parts)])
+        residual, sizes = (np.concatenate([np.zeros(0), *own]) for own in (parts, wrong))
         jacobian = np.zeros((residual.size, len(slots)))
         if residual.size:
             for column, (k, parameter) in enumerate(slots):
@@ -166,15 +170,15 @@ def more_wrong(squares: FloatArray, count: IntArray) -> FloatArray:
 
     Of n numbers, d^2 from what is usual in sum, and a factor s whose logarithm has the density of
     Cauchy, -n log s - d^2 / (2 s^2) - log(1 + (log s / w)^2) is largest where
-    s^2 = d^2 / (n + 2 log s / (w^2 + (log s)^2)).  A tool on a small flange is as far from its
-    drawing as no drawing is wrong: a normal density keeps it from being found.
+    s^2 = d^2 / (n + 2 log s / (w^2 + (log s)^2)).  A tool on a small flange is further from its
+    drawing than any drawing is wrong: beside a normal density it would not be found.
 
     Args:
         squares: d^2, of each drawing.
         count: n.
     """
     size = np.ones_like(squares)
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         told = np.maximum(count + 2.0 * np.log(size) / (SPREAD**2 + np.log(size) ** 2), 1.0)
         size = np.maximum(np.sqrt(squares / told), 1.0)
     return np.asarray(size)
@@ -189,9 +193,14 @@ def _departures(effect: Effect) -> FloatArray:
 
     Beside open drawings no log tells a torque constant: it scales with all masses.
     """
+    return np.concatenate([effect.search.departures(effect), _beyond_usual(effect)])
+
+
+def _beyond_usual(effect: Effect) -> FloatArray:
+    """Return how far each of an effect's numbers is outside its usual range, if it has one."""
     values = effect.values
-    own = [p.usual.departure(values[p.name]) for p in effect.parameters if p.usual is not None]
-    return np.concatenate([effect.search.departures(effect), own])
+    ranges = [(p.name, p.usual) for p in effect.parameters if p.usual is not None]
+    return np.array([usual.departure(values[name]) for name, usual in ranges])
 
 
 def slope_of(

@@ -226,10 +226,10 @@ def _gravities(rows: LogRows) -> Iterator[Reading]:
 
 
 def _couplings(rows: LogRows) -> Iterator[Reading]:
-    """Yield motors that stand before the joint before, and turn with both joints.
+    """Yield motors that are mounted before the previous joint, and turn with both joints.
 
-    Parallelograms and belts drive legs and arms so. What the joint behind needs is then no load of
-    the motor before:  psi_b = q_b +- q_a,  tau_a less +- tau_b.
+    Parallelograms and belts drive legs and arms so. The motor of joint a then does not carry what
+    joint b behind it needs:  psi_b = q_b +- q_a,  and the motor of a gives tau_a -+ tau_b.
     """
     gears, model = rows.robot.transmission, rows.robot.model
     places = {model.getJointId(joint): k for k, joint in enumerate(gears.joints)}

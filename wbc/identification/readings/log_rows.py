@@ -28,6 +28,7 @@ from wbc.measurement.schema import REPORTED
 from wbc.robot import Motion, Robot
 
 Described: TypeAlias = Callable[[Robot], Robot]
+"""A robot -> what its description should say instead."""
 BEHIND_GEARS = (".motor_torque", ".joint_torque")
 """Ends of the names of columns that are torques at the output of a gear."""
 
