@@ -21,7 +21,7 @@ from wbc.robot import Effect, Parameter, Robot
 # Added to a diagonal of ones, so that parameters that repeat one another can be solved for.
 RIDGE = 1e-9
 ROUNDS = 8
-"""Rounds until the factor by which a drawing is wrong repeats itself."""
+"""Rounds until the factor by which a drawing is wrong repeats itself, to 2e-5 or better."""
 
 
 class Part(NamedTuple):
