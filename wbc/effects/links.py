@@ -12,40 +12,22 @@ from typing import Self, final
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, frozen
+from wbc.arrays import FloatArray
+from wbc.effects import pseudo_inertia
+from wbc.effects.pseudo_inertia import LOG_CHOLESKY, USUAL
 from wbc.errors import EffectError, require_known, unknown_name
 from wbc.robot import Effect, Evidence, Motion, Parameter, Robot, Screen, SearchOffer, number
 from wbc.robot.effect import Quantity, small_steps
 
-LOG_CHOLESKY = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")
-"""The ten numbers, named as by Rucker and Wensing (2022)."""
-
-# How wrong drawings usually are, as a standard deviation of the log-Cholesky parameters: 28 % of
-# the mass, 28 % of every second moment, and a centre of mass that is off by a fifth of the radius
-# of gyration (2 cm for a forearm of 0.35 m): CAD leaves out cables, grease and screws, and takes
-# castings for solid. Measured on the recorded Staubli TX40 against its CAD links: rms departures of
-# links 3 to 6 are 1.0, 0.6, 0.6 and 0.3 in this unit (links 1 and 2 cannot be told from rotors).
-USUAL = 0.2
-
-SPREAD = 0.5
-"""Standard deviation of the logarithm of how wrong drawings are beside USUAL."""
-_LARGEST_LOG = 2.5  # a mass between 1 / 150 and 150 times that drawn
-# Of its distance, the radius of gyration of a ball that a fit begins with: from a point, it never
-# finds how wide a tool is that is a hundred times as wide as the flange before it.
-_BALL = 0.25
-_LEAST = float(np.exp(-2.0 * _LARGEST_LOG))  # eigenvalue of Q
-_LARGEST = 100.0  # of shears, and of shifts in radii of gyration: small flanges carry long tools
 _KEPT = 256  # drawn links that are remembered: a fit asks for each many times
 # ... and links that differ from their drawing: a derivative changes one number of one link at a
 # time, and asks for all of them.
 _VARIED = 2048
 _THIN = 0.1  # share of a link's length below which no radius of gyration is believed
 
-_SHEARS = ((0, 1, 0, 0, 1, 2), (1, 2, 2, 3, 3, 3))  # where s12, s23, s13, t1, t2, t3 stand in L
-
 PARAMETERS = tuple(
     Parameter(name, "1", 0.0, -limit, limit, USUAL)
-    for name, limit in zip(LOG_CHOLESKY, [_LARGEST_LOG] * 4 + [_LARGEST] * 6, strict=True)
+    for name, limit in zip(LOG_CHOLESKY, pseudo_inertia.LARGEST.tolist(), strict=True)
 )
 
 
@@ -53,10 +35,8 @@ PARAMETERS = tuple(
 class DrawnInertia:
     """The pseudo-inertia of a drawn link, with its Cholesky factor.
 
-    The pseudo-inertia is P = sum over the mass of (x, 1)(x, 1)', (4, 4). A link with log-Cholesky
-    parameters p has F L(p) L(p)' F' with F F' = P as drawn: p = 0 is the drawing, and every p is a
-    body that can exist. Where the drawing is thinner than a tenth of its length (or cannot exist)
-    F is that of a body which is not; the difference stays.
+    Where the drawing is thinner than a tenth of its length (or cannot exist) F is that of a body
+    which is not; the difference stays.
 
     Attributes:
         inertia: as drawn, in the joint's frame.
@@ -75,7 +55,8 @@ class DrawnInertia:
         mass, center = inertia.mass, np.array(inertia.lever)
         second = matrix[:3, :3] - mass * np.outer(center, center)
         factor = np.zeros((4, 4))
-        factor[:3, :3] = _upper_factor(second, mass * (_THIN * _length(robot, joint)) ** 2)
+        wide = pseudo_inertia.raised(second, mass * (_THIN * _length(robot, joint)) ** 2)
+        factor[:3, :3] = np.linalg.cholesky(wide[::-1, ::-1])[::-1, ::-1]
         factor[:3, 3] = np.sqrt(mass) * center
         factor[3, 3] = np.sqrt(mass)
         return cls(inertia, factor)
@@ -85,82 +66,10 @@ class DrawnInertia:
         """Return the inertia with these log-Cholesky parameters (10,); it is not to be changed."""
         if not any(numbers):
             return self.inertia
-        beside = self.factor @ (changed_pseudo_inertia(numbers) - np.eye(4)) @ self.factor.T
+        upper = pseudo_inertia.factor(np.array(numbers))
+        beside = self.factor @ (upper @ upper.T - np.eye(4)) @ self.factor.T
         change = pin.PseudoInertia.FromMatrix(beside).toDynamicParameters()
         return pin.Inertia.FromDynamicParameters(self.inertia.toDynamicParameters() + change)
-
-
-def _upper_factor(matrix: FloatArray, least: float) -> FloatArray:
-    """Return U, upper triangular, with U U' = matrix, no eigenvalue of which is below `least`."""
-    squares, axes = np.linalg.eigh(matrix)
-    raised = (axes * np.maximum(squares, least)) @ axes.T
-    return np.asarray(np.linalg.cholesky(raised[::-1, ::-1])[::-1, ::-1])
-
-
-def changed_pseudo_inertia(numbers: Sequence[float]) -> FloatArray:
-    """Return Q = L L' (4, 4) of log-Cholesky parameters (10,)."""
-    return np.asarray(pin.LogCholeskyParameters(np.array(numbers)).toPseudoInertia().toMatrix())
-
-
-def of_first_order(change: FloatArray) -> FloatArray:
-    """Return the log-Cholesky parameters (10,) of the body that has a change of first order.
-
-    What a link needs is linear in Q = L L'. To first order Q is 1 + S + S', with S the sum of the
-    parameters' own matrices: that is the body meant, however far it is from the drawing. Of what
-    somebody mounted, logs tell the weight and the first moments best: where a heavier link would
-    lack more of its drawing than drawings usually have too much, a ball that has both stands beside
-    the drawn link. Else the eigenvalues of Q are raised until a body can exist.
-
-    Args:
-        change: (10,) by which the parameters would change, were they small.
-    """
-    first = np.diag([*(change[0] + change[1:4]), change[0]])
-    first[_SHEARS] = change[4:]
-    meant = np.eye(4) + first + first.T
-    more = meant[3, 3] - 1.0
-    if more > 0.0 and lacking(meant) > 0.0:
-        point = np.append(meant[:3, 3] / more, 1.0)
-        wide = (_BALL * np.linalg.norm(point[:3])) ** 2
-        meant = np.eye(4) + more * (np.outer(point, point) + np.diag([wide, wide, wide, 0.0]))
-    factor = _upper_factor(meant, _LEAST)
-    logs = np.log(np.diagonal(factor))
-    found = [logs[3], *(logs[:3] - logs[3]), *(factor[_SHEARS] / factor[3, 3])]
-    ends = [p.low for p in PARAMETERS], [p.high for p in PARAMETERS]
-    return np.asarray(np.clip(found, *ends))
-
-
-def lacking(matrix: FloatArray) -> float:
-    """Return what a link costs that lacks more than drawings usually have too much [nats].
-
-    A body that somebody mounts raises the eigenvalues of Q (4, 4) and lowers none. The divergence
-    of `departures` is a sum over them: those below 1 are what is drawn and is not there.
-    """
-    below = np.clip(np.linalg.eigvalsh(matrix), _LEAST, 1.0)
-    distances = np.sqrt(np.maximum(below - np.log(below) - 1.0, 0.0)) / USUAL
-    return excess(np.pad(distances, (0, _COUNT - below.size)))
-
-
-@lru_cache(maxsize=_VARIED)
-def departures(numbers: tuple[float, ...]) -> FloatArray:
-    """Return (10,) how far an inertia is from its drawing, in units of how wrong drawings are.
-
-    Their squares sum up to the log-determinant divergence of the two pseudo-inertias,
-    tr(Q) - log det Q - 4 with Q = L L', over USUAL^2 (Lee, Wensing and Park, 2020). It does not
-    depend on frames or units.
-    """
-    x = numbers[0] + np.array([*numbers[1:4], 0.0])  # logarithms of the diagonal of L
-    stretched = np.sign(x) * np.sqrt(np.maximum(np.expm1(2.0 * x) - 2.0 * x, 0.0))
-    return frozen([*(stretched / USUAL), *(np.exp(numbers[0]) / USUAL * np.array(numbers[4:]))])
-
-
-def excess(distances: FloatArray) -> float:
-    """Return what a drawing costs that is more wrong than drawings usually are [nats].
-
-    By what factor drawings are wrong differs: its logarithm has a standard deviation of 0.5, as
-    that of drives has. What ten free numbers could explain is paid by holding out.
-    """
-    size = float(np.sqrt(np.mean(distances**2)))
-    return float(0.5 * (np.log(max(size, 1.0)) / SPREAD) ** 2)
 
 
 def _length(robot: Robot, joint: int) -> float:
@@ -182,7 +91,9 @@ def _screens(
     def combine(coefficients: FloatArray) -> dict[str, float]:
         small = steps.combine(coefficients)
         each = np.reshape(list(small.values()), (-1, _COUNT))
-        return dict(zip(small, np.ravel([of_first_order(own) for own in each]), strict=True))
+        return dict(
+            zip(small, np.ravel([pseudo_inertia.of_first_order(own) for own in each]), strict=True)
+        )
 
     return (replace(steps, combine=combine),)
 
@@ -191,9 +102,14 @@ _LEFT = 0.5  # share of the drawn mass below which a part of the link is taken t
 _COUNT = len(LOG_CHOLESKY)
 
 
-def _departures(effect: RedrawnLinks) -> FloatArray:
-    """(10 n,) distances from the drawing, in units of how wrong drawings usually are."""
-    return np.concatenate([departures(numbers) for numbers in effect.drawn().values()])
+def _excess(effect: RedrawnLinks, *_: object) -> float:
+    """Return what links cost that are more wrong than drawings usually are.
+
+    The same people draw all links of a robot, so that one factor says how wrong the drawing is. If
+    each link cost on its own, one as wrong as usual would cost a quarter of a nat.
+    """
+    numbers = np.array([*effect.drawn().values()])
+    return pseudo_inertia.excess(pseudo_inertia.departures(numbers))
 
 
 def _missing(effect: LinkInertia, robot: Robot, motions: Sequence[Motion]) -> float:
@@ -201,9 +117,10 @@ def _missing(effect: LinkInertia, robot: Robot, motions: Sequence[Motion]) -> fl
 
     First moments do not count: logs seldom tell how much of the second ones belongs to them.
     """
-    matrix = np.array(changed_pseudo_inertia(tuple(effect.values.values())))
+    upper = pseudo_inertia.factor(np.array([*effect.values.values()]))
+    matrix = upper @ upper.T
     matrix[:3, 3] = matrix[3, :3] = 0.0
-    return lacking(matrix)
+    return pseudo_inertia.lacking(matrix)
 
 
 def _quantities(effect: RedrawnLinks, robot: Robot) -> dict[str, Quantity]:
@@ -229,10 +146,8 @@ class RedrawnLinks(Effect, ABC):
 
     search = SearchOffer(
         claims=3,  # mass, centre of mass and inertia
-        departures=_departures,
-        # The same people draw all links of a robot, so that one factor says how wrong the drawing
-        # is. If each link cost on its own, one as wrong as usual would cost a quarter of a nat.
-        implausibility=lambda own, *_: excess(_departures(own)),
+        drawn=True,
+        implausibility=_excess,
         quantities=_quantities,
         screens=_screens,
     )

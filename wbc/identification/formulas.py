@@ -23,8 +23,9 @@ from wbc.identification.choice.candidate_columns import evidence
 from wbc.identification.choice.certainty import CERTAIN
 from wbc.identification.choice.evidence import Hypothesis, asked, fold_means, weigh
 from wbc.identification.choice.trials import hypothesis_of
+from wbc.identification.model.columns import change_along
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.fit import Fit, change_along
+from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import condensed_residual, raw_residual
 from wbc.identification.records.not_judged import without_torque_sensors
 from wbc.identification.records.record import Record, output_names, output_units, rms

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray, frozen
+from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import EffectError, require_known
 
 if TYPE_CHECKING:
@@ -42,6 +42,11 @@ class Usual:
         nearest = min(max(value, self.low), self.high)
         off = float(np.log(value / nearest)) if self.factor else value - nearest
         return off / self.spread
+
+    def slope(self, value: float) -> float:
+        """Return the derivative of the departure."""
+        inside = self.low <= value <= self.high and self.low < self.high
+        return 0.0 if inside else 1.0 / (self.spread * (value if self.factor else 1.0))
 
     def cost(self, value: float) -> float:
         """Return by how much less likely a number is than one in the range [nats]."""
@@ -279,9 +284,6 @@ def usual_cost(effect: Effect, *seen: object) -> float:
     return sum(p.usual.cost(values[p.name]) for p in effect.parameters if p.usual is not None)
 
 
-_NONE = frozen(())
-
-
 @dataclass(frozen=True, eq=False)
 class SearchOffer:
     """What a search for causes asks of a kind of effect; the defaults do for most kinds.
@@ -309,9 +311,8 @@ class SearchOffer:
             no machine is likely to have [nats].
         tolerated: (effect, robot without it, time between samples [s]) -> square of deviations at
             which what every machine is off by does the same; infinite where nothing does.
-        departures: (effect) -> (k,) how far its numbers lie from what is usual, in standard
-            deviations. A fit counts half their squares beside what the logs say [nats]. Zero where
-            the effect is not there.
+        drawn: whether its numbers are the ten log-Cholesky parameters of links, one link after the
+            other. A fit holds them to the drawing, by how far drawings are usually wrong.
         freedom: (effect) -> how many numbers had to be chosen to describe it. A choice of one in n
             counts log n.
         quantities: (effect, robot without it) -> the numbers that a person can check, where the
@@ -323,13 +324,13 @@ class SearchOffer:
     claims: int = 1
     near_rest: bool = False
     gradual: bool = True
+    drawn: bool = False
     inseparable: Mapping[str, str] = field(default_factory=dict)
     otherwise: type[Effect] | None = None
     screens: Callable[[Any, Robot, str, Evidence], tuple[Screen, ...]] = small_steps
     recognisable: Callable[[Any, Robot, Sequence[Motion]], bool] = lambda effect, robot, seen: True
     implausibility: Callable[[Any, Robot, Sequence[Motion]], float] = usual_cost
     tolerated: Callable[[Any, Robot, float], float] = lambda effect, robot, step: np.inf
-    departures: Callable[[Any], FloatArray] = lambda effect: _NONE
     freedom: Callable[[Any], float] = lambda effect: len(effect.parameters)
     quantities: Callable[[Any, Robot], Mapping[str, Quantity]] = lambda effect, robot: {}
     remarks: Callable[[Any, Robot], tuple[str, ...]] = lambda effect, robot: ()

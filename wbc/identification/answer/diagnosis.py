@@ -85,7 +85,7 @@ class Finding:
 
         A parameter whose interval is its whole range is not told: the warnings name it.
         """
-        if self.quantities or self.effect.search.departures(self.effect).size:
+        if self.quantities or self.effect.search.drawn:
             return self.quantities
         ends = {p.name: (p.low, p.high) for p in self.effect.parameters}
         return {k: e for k, e in self.parameters.items() if (e.low, e.high) != ends.get(k)}

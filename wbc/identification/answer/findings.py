@@ -20,8 +20,9 @@ from wbc.identification.choice.certainty import EVEN
 from wbc.identification.choice.drop_screen import Normal, until_null
 from wbc.identification.choice.evidence import Hypothesis
 from wbc.identification.choice.trials import Trials
+from wbc.identification.model.columns import STEP, change_along
 from wbc.identification.model.estimation_problem import TAIL, EstimationProblem
-from wbc.identification.model.fit import Fit, beside_others, change_along, scaled, slope_of
+from wbc.identification.model.fit import Fit, beside_others, scaled
 from wbc.identification.model.yielding import rubbing_effects
 from wbc.identification.records.record import Record, rows_per_sample
 from wbc.robot import Effect, Quantity
@@ -99,7 +100,7 @@ def sized(effect: Effect, estimates: Mapping[str, Estimate]) -> float:
     the number's range does is as wide there as on its other side. Of numbers that are drawn to what
     is usual combinations are told, often none alone.
     """
-    if effect.search.departures(effect).size:
+    if effect.search.drawn:
         return 1.0
     found = []
     for p in (p for p in effect.parameters if not p.shape):
@@ -189,7 +190,7 @@ def _moving_together(fit: Fit, correlation: Correlation) -> list[list[str]]:
     for one, other in zip(*np.nonzero(np.triu(np.abs(matrix), 1) > _CORRELATED), strict=True):
         k, parameter = fit.parameters[one]
         partner, shared = fit.parameters[other]
-        drawn = any(e.search.departures(e).size for e in (fit.effects[k], fit.effects[partner]))
+        drawn = any(e.search.drawn for e in (fit.effects[k], fit.effects[partner]))
         if k != partner and not drawn:
             effect = fit.effects[partner]
             found[k].append(
@@ -225,8 +226,13 @@ def quantities_of(
         numbers = effect.search.quantities(effect, problem.robot)
         return np.array([quantity.value for quantity in numbers.values()])
 
-    now = told(effect)
-    each = [slope_of(told, effect, fit.parameters[row][1], now) for row in rows]
+    now, each = told(effect), []
+    for row in rows:
+        parameter = fit.parameters[row][1]
+        value = effect.values[parameter.name]
+        step = -STEP if value > 0.0 else STEP  # away from the ends of its range
+        after = told(effect.with_values({parameter.name: value + step * parameter.scale}))
+        each.append((after - now) / step)
     slopes = np.stack(each, axis=-1)
     usual, known = fit.usual.jacobian[:, rows], beside_others(fit.known, rows)
     alone, after = _spread(usual.T @ usual, slopes), _spread(known, slopes)

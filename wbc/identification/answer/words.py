@@ -188,7 +188,7 @@ def _said_once(findings: Sequence[Finding]) -> str:
 def _said(finding: Finding) -> str:
     """Return an effect at its place with its size; of many numbers those that a person checks."""
     place = f"{spoken(finding.effect.name)} at {finding.effect.where}"
-    if finding.effect.search.departures(finding.effect).size and not finding.quantities:
+    if finding.effect.search.drawn and not finding.quantities:
         return place
     if not finding.quantities:
         said = finding.effect.said({name: e.unit for name, e in finding.parameters.items()})

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
+from wbc.effects.pseudo_inertia import LOG_CHOLESKY, departures
 from wbc.errors import EffectError, RobotError, TransmissionError
 from wbc.identification.model.columns import Change, Columns, SparseColumns
 from wbc.identification.model.residual import Evaluation, raw_residual
@@ -128,7 +129,7 @@ def make_regressors(
         used = size > _ROUNDING * max(float(size.max()), np.finfo(float).tiny)
         if used.any():
             kept = _only(screen, used)
-            usual = _usual(at.robot, effect, where, kept)
+            usual = _usual(effect, kept)
             regressors.append(Regressor(effect, where, kept, own.only(used), usual))
     return regressors
 
@@ -156,15 +157,13 @@ def _columns(
     return result
 
 
-def _usual(robot: Robot, effect: type[Effect], where: str, screen: Screen) -> FloatArray:
+def _usual(effect: type[Effect], screen: Screen) -> FloatArray:
     """Return (r, r) how fast units depart from what is usual; zero for most effects."""
-    departures = effect.search.departures
-    first = departures(effect.at(where, screen.units[0]))
-    if not first.size:
+    if not effect.search.drawn:
         return np.zeros((len(screen.units), len(screen.units)))
-    null = departures(effect.at(where, effect.null_values(robot, where)))
-    slopes = [departures(effect.at(where, unit)) - null for unit in screen.units]
-    return np.array([[one @ other for other in slopes] for one in slopes])
+    numbers = [np.reshape([*unit.values()], (-1, len(LOG_CHOLESKY))) for unit in screen.units]
+    steps = departures(np.array(numbers)).reshape(len(numbers), -1)
+    return np.asarray(steps @ steps.T)
 
 
 def _offers(

@@ -10,8 +10,9 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.identification.choice.evidence import Hypothesis, Key, asked, density_gained, without
+from wbc.identification.model.columns import change_along
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.fit import Fit, change_along, scaled
+from wbc.identification.model.fit import Fit, scaled
 from wbc.robot import Effect, Robot
 
 

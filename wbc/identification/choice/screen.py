@@ -23,12 +23,14 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from wbc.arrays import FloatArray, IntArray
+from wbc.effects.pseudo_inertia import ROUNDS, more_wrong
 from wbc.identification.choice.candidate_columns import Regressor, evidence, make_regressors
 from wbc.identification.choice.drop_screen import Normal, cheaper, sums_by_output, until_null
 from wbc.identification.choice.evidence import Hypothesis, Key, density_gained
 from wbc.identification.model.columns import drawn
+from wbc.identification.model.descent import RIDGE
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.fit import RIDGE, ROUNDS, Fit, more_wrong
+from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import evaluate
 from wbc.robot import Effect, Evidence
 

@@ -431,6 +431,12 @@ def derivatives(
     return np.moveaxis(result, 0, -1)
 
 
+def change_along(jacobian: FloatArray, step: FloatArray) -> FloatArray:
+    """Return what a step (p,) changes (rows, outputs), by derivatives (rows, outputs, p)."""
+    rows, outputs, count = jacobian.shape
+    return np.asarray((jacobian.reshape(rows * outputs, count) @ step).reshape(rows, outputs))
+
+
 def _step(at: Evaluation, k: int, parameter: Parameter, way: float) -> Change | None:
     """Return a small change of a parameter of effect `k`, None where it cannot have it."""
     own, width = at.effects[k], STEP
@@ -445,7 +451,7 @@ def _step(at: Evaluation, k: int, parameter: Parameter, way: float) -> Change | 
 
 def drawn(effect: Effect) -> bool:
     """Whether an effect's numbers are drawn to what is usual before the logs speak."""
-    return bool(effect.search.departures(effect).size)
+    return effect.search.drawn
 
 
 def only_inertial(robot: Robot, effect: Effect) -> bool:
