@@ -24,7 +24,7 @@ _SHORTER = 0.4, 8  # by how much a step is cut that makes more of it, and how of
 _LAST = 0.1  # share of what matters that the last of them gains
 
 
-class Step(NamedTuple):
+class Descent(NamedTuple):
     """A step, and what derivatives promise of it.
 
     Attributes:
@@ -82,7 +82,7 @@ class Linearised:
         links = links_among(effects, slots)
         return cls(effects, slots, gram, moment, Drawings.of(effects), links)
 
-    def step(self, damping: float, least: float, share: float = 1.0) -> Step:
+    def step(self, damping: float, least: float, share: float = 1.0) -> Descent:
         """Return the step to where the cost is least, near here.
 
         Args:
@@ -117,7 +117,7 @@ class Linearised:
         names = [(k, parameter.name) for k, parameter in self.slots]
         ends = dict(zip(names, changes.tolist(), strict=True))
         promised = before - own.cost(matrices) - self._quadratic(near)
-        return Step(near, with_changes(self.effects, ends, clip=True), promised)
+        return Descent(near, with_changes(self.effects, ends, clip=True), promised)
 
     @cached_property
     def scales(self) -> FloatArray:

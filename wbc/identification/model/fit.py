@@ -11,7 +11,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import DynamicsError
 from wbc.identification.model.columns import Columns, change_along, derivatives
-from wbc.identification.model.descent import IDLE, RIDGE, Linearised, Step, bounded, ranges
+from wbc.identification.model.descent import IDLE, RIDGE, Linearised, Descent, bounded, ranges
 from wbc.identification.model.residual import IMPOSSIBLE, Evaluation, Slots, evaluate
 from wbc.identification.model.usual import Part, UsualRows, cost
 from wbc.identification.model.yielding import loose, some_deflect
@@ -344,7 +344,7 @@ def _descend(
     gained: Callable[[Evaluation, Sequence[Effect]], tuple[Evaluation, float]],
     damping: float,
     matters: float,
-) -> tuple[Evaluation, Step, float, float] | None:
+) -> tuple[Evaluation, Descent, float, float] | None:
     """Return the end of a step that makes the cost fall, the step, by how much, and the damping.
 
     None where none does, or none is promised what matters. A step that is too long is damped, which
