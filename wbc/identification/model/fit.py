@@ -11,7 +11,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import DynamicsError
 from wbc.identification.model.columns import Columns, change_along, derivatives
-from wbc.identification.model.descent import IDLE, RIDGE, Linearised, Descent, bounded, ranges
+from wbc.identification.model.descent import IDLE, RIDGE, Descent, Linearised, bounded, ranges
 from wbc.identification.model.residual import IMPOSSIBLE, Evaluation, Slots, evaluate
 from wbc.identification.model.usual import Part, UsualRows, cost
 from wbc.identification.model.yielding import loose, some_deflect
