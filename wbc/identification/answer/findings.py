@@ -97,8 +97,9 @@ def sized(effect: Effect, estimates: Mapping[str, Estimate]) -> float:
     """Return the probability that a cause is no cause of size nothing, by its intervals.
 
     One of its numbers is on the side of nothing on which it was found. An interval that ends where
-    the number's range does is as wide there as on its other side; one that is the whole range says
-    nothing. Of numbers that are drawn to what
+    the number's range does is as wide there as on its other side. One that ends at nothing because
+    the range does tells only that as many standard deviations, or fewer, lie between: half of them
+    in the middle. Of numbers that are drawn to what
     is usual combinations are told, often none alone.
     """
     if effect.search.drawn:
@@ -109,8 +110,8 @@ def sized(effect: Effect, estimates: Mapping[str, Estimate]) -> float:
         beyond = e.value - (p.null if e.given is None else e.given)
         ends = [(e.value - e.low, e.low == p.low), (e.high - e.value, e.high == p.high)]
         (side, cut), (other, _) = ends if beyond > 0.0 else ends[::-1]
-        told = (e.low, e.high) != (p.low, p.high)
-        found.append(told * TAIL * abs(beyond) / max(side, other * cut, 1e-300))
+        away = TAIL * abs(beyond) / max(side, other * cut, 1e-300)
+        found.append(0.5 * away if cut and abs(beyond) >= side else away)
     return float(ndtr(max(found, default=np.inf)))
 
 
