@@ -133,6 +133,14 @@ def test_causes_that_hide_one_another_are_found(tmp_path: Path) -> None:
     assert result["after"] < 1.0
 
 
+def test_causes_at_different_places_that_hide_one_another_are_found(tmp_path: Path) -> None:
+    """A wrong link, a supply that sags: each alone made the evidence fall, and 18 floors stayed."""
+    (result,) = try_cases([18], tmp_path, seed=97)
+    found = {(entry["effect"], entry["where"]) for entry in result["found"]}
+    assert found >= {("link_inertia", "l1"), ("supply_sag", "robot")}
+    assert result["after"] < 1.2
+
+
 def test_a_few_cases_are_told_and_kept(tmp_path: Path) -> None:
     results = try_cases(QUICK, tmp_path, SEED)
     assert [judge_result(result).good for result in results] == [True] * len(QUICK)

@@ -201,13 +201,21 @@ class CauseScreen:
         return [(*best.values(),) for best in groups.values() if len(best) > 1]
 
     def pairs(self, taken: Sequence[Key]) -> Iterator[list[Numbers]]:
-        """Yield all pairs of causes at every place."""
+        """Yield all pairs of causes at every joint: there, in the link that it moves, or anywhere.
+
+        No pair has the whole drawing, which is tried beside all causes.
+        """
+        robot, done = self.problem.robot, set[Numbers]()
+        moved = {body: robot.model.names[robot.body_joint(body)] for body in robot.bodies}
         groups: dict[str, list[int]] = {}
         for k, own in enumerate(self.regressors):
-            if own.key not in taken:
-                groups.setdefault(own.where, []).append(k)
-        for group in groups.values():
-            pairs = combinations(group, 2)
+            if own.key not in taken and not (own.drawn and own.where == _WHOLE):
+                groups.setdefault(moved.get(own.where, own.where), []).append(k)
+        anywhere = groups.get(_WHOLE, [])
+        for where, group in groups.items():
+            several = group if where == _WHOLE else [*group, *anywhere]
+            pairs = [p for p in combinations(sorted(several), 2) if p not in done]
+            done.update(pairs)
             yield [p for p in pairs if len({self.regressors[k].key for k in p}) == len(p)]
 
     def _best_first(
