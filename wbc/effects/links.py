@@ -56,7 +56,7 @@ class DrawnInertia:
         second = matrix[:3, :3] - mass * np.outer(center, center)
         factor = np.zeros((4, 4))
         wide = pseudo_inertia.raised(second, mass * (_THIN * _length(robot, joint)) ** 2)
-        factor[:3, :3] = np.linalg.cholesky(wide[::-1, ::-1])[::-1, ::-1]
+        factor[:3, :3] = pseudo_inertia.upper_factor(wide)
         factor[:3, 3] = np.sqrt(mass) * center
         factor[3, 3] = np.sqrt(mass)
         return cls(inertia, factor)
@@ -66,8 +66,8 @@ class DrawnInertia:
         """Return the inertia with these log-Cholesky parameters (10,); it is not to be changed."""
         if not any(numbers):
             return self.inertia
-        upper = pseudo_inertia.factor(np.array(numbers))
-        beside = self.factor @ (upper @ upper.T - np.eye(4)) @ self.factor.T
+        changed = pseudo_inertia.matrix_of(np.array(numbers))
+        beside = self.factor @ (changed - np.eye(4)) @ self.factor.T
         change = pin.PseudoInertia.FromMatrix(beside).toDynamicParameters()
         return pin.Inertia.FromDynamicParameters(self.inertia.toDynamicParameters() + change)
 
@@ -117,8 +117,7 @@ def _missing(effect: LinkInertia, robot: Robot, motions: Sequence[Motion]) -> fl
 
     First moments do not count: logs seldom tell how much of the second ones belongs to them.
     """
-    upper = pseudo_inertia.factor(np.array([*effect.values.values()]))
-    matrix = upper @ upper.T
+    matrix = pseudo_inertia.matrix_of(np.array([*effect.values.values()]))
     matrix[:3, 3] = matrix[3, :3] = 0.0
     return pseudo_inertia.lacking(matrix)
 

@@ -48,6 +48,17 @@ def factor(numbers: FloatArray) -> FloatArray:
     return np.asarray(upper * np.exp(numbers[..., :1, None]))
 
 
+def matrix_of(numbers: FloatArray) -> FloatArray:
+    """Return Q = U U' (..., 4, 4)."""
+    upper = factor(numbers)
+    return np.asarray(upper @ upper.swapaxes(-1, -2))
+
+
+def upper_factor(matrix: FloatArray) -> FloatArray:
+    """Return U, upper triangular, with U U' = matrix (..., n, n)."""
+    return np.asarray(np.linalg.cholesky(matrix[..., ::-1, ::-1])[..., ::-1, ::-1])
+
+
 def tangents(numbers: FloatArray) -> FloatArray:
     """Return (..., 10, 4, 4) the derivatives of Q = U U' by the numbers."""
     upper, each = factor(numbers), np.zeros((*numbers.shape, 4, 4))
@@ -61,7 +72,7 @@ def tangents(numbers: FloatArray) -> FloatArray:
 
 def numbers_of(matrix: FloatArray) -> FloatArray:
     """Return the numbers (..., 10) of Q = U U'."""
-    upper = np.linalg.cholesky(matrix[..., ::-1, ::-1])[..., ::-1, ::-1]
+    upper = upper_factor(matrix)
     logs = np.log(np.diagonal(upper, axis1=-2, axis2=-1))
     last = logs[..., 3:]
     shears = upper[..., _ROWS, _COLUMNS] / upper[..., 3, 3, None]

@@ -12,7 +12,6 @@ from wbc.identification.choice.constancy import stand_in_evidence
 from wbc.identification.choice.drop_screen import Drops, until_null, without_each
 from wbc.identification.choice.evidence import Hypothesis, Key, weigh, without
 from wbc.identification.choice.trials import Trials
-from wbc.identification.model.columns import drawn
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.records.record import bins_of, explained_by, output_gear
@@ -265,7 +264,7 @@ def _place_of(problem: EstimationProblem, own: Effect, change: FloatArray) -> st
     slow sweep, is none of several laws that one cause could be. Another link than the drawn one is:
     its weight is a law of position.
     """
-    if own.search.expected > 0.0 and not drawn(own):
+    if own.search.expected > 0.0 and not own.search.drawn:
         return ""
     robot, column = problem.robot, int(np.argmax(np.sum(change**2, axis=0)))
     gear = output_gear(robot, int(problem.floor.judged[column]))

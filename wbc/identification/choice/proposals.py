@@ -12,7 +12,7 @@ from wbc.identification.choice.drop_screen import losses
 from wbc.identification.choice.evidence import Hypothesis, Offer, weigh, without
 from wbc.identification.choice.screen import CauseScreen, Proposed
 from wbc.identification.choice.trials import HOPELESS, Trials
-from wbc.identification.model.columns import ADDS, drawn
+from wbc.identification.model.columns import ADDS
 from wbc.robot import Effect
 
 _LINEAR_HOOKS = ADDS | {"change"}  # by which causes act linearly
@@ -90,7 +90,7 @@ class Proposer:
         """
         screen, rest, problem = self._around(h), without(h.effects, *own), self.trials.problem
         first = 0.0
-        if h.swings or all(e.search.gradual and not drawn(e) for e in own):
+        if h.swings or all(e.search.gradual and not e.search.drawn for e in own):
             loss, saved = losses(problem, self.trials.fit(h), h, [own])[0]
             found, alone = screen.ranked(own, h.keys, count), saved - loss
         elif (fewer := self.trials.of(rest, h)) is not None:

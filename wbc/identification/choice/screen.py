@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain, combinations
+from itertools import chain, combinations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +27,6 @@ from wbc.effects.pseudo_inertia import ROUNDS, more_wrong
 from wbc.identification.choice.candidate_columns import Regressor, evidence, make_regressors
 from wbc.identification.choice.drop_screen import Normal, cheaper, sums_by_output, until_null
 from wbc.identification.choice.evidence import Hypothesis, Key, density_gained
-from wbc.identification.model.columns import drawn
 from wbc.identification.model.descent import RIDGE
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
@@ -133,7 +132,7 @@ class CauseScreen:
         made = make_regressors(problem.columns, at, offered, shown, failures, problem.still)
         felt = (own for own in made if problem.whitening[own.columns.outputs].any())
         # A drawing is wrong once: as a whole, or in one of its links.
-        places = {effect.where for effect in fit.effects if drawn(effect)}
+        places = {effect.where for effect in fit.effects if effect.search.drawn}
         known = [r for r in felt if not (r.drawn and places and _WHOLE in {*places, r.where})]
         return cls(problem, h, fit, tuple(known))
 
@@ -205,7 +204,7 @@ class CauseScreen:
 
         No pair has the whole drawing, which is tried beside all causes.
         """
-        robot, done = self.problem.robot, set[Numbers]()
+        robot = self.problem.robot
         moved = {body: robot.model.names[robot.body_joint(body)] for body in robot.bodies}
         groups: dict[str, list[int]] = {}
         for k, own in enumerate(self.regressors):
@@ -213,9 +212,9 @@ class CauseScreen:
                 groups.setdefault(moved.get(own.where, own.where), []).append(k)
         anywhere = groups.get(_WHOLE, [])
         for where, group in groups.items():
-            several = group if where == _WHOLE else [*group, *anywhere]
-            pairs = [p for p in combinations(sorted(several), 2) if p not in done]
-            done.update(pairs)
+            pairs = [*combinations(group, 2)]
+            if where != _WHOLE:
+                pairs += [(min(p), max(p)) for p in product(group, anywhere)]
             yield [p for p in pairs if len({self.regressors[k].key for k in p}) == len(p)]
 
     def _best_first(

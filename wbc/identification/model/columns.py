@@ -225,7 +225,7 @@ class Columns:
             effect = change.after
             if "change" not in effect.acts_by:
                 continue
-            if not held and some_deflect(at.effects) and not drawn(effect):
+            if not held and some_deflect(at.effects) and not effect.search.drawn:
                 continue  # how links swing depends on their inertias
             try:
                 if type(effect) not in only:
@@ -380,7 +380,7 @@ class Columns:
         """
         if deflects(own):
             return True
-        if drawn(own):
+        if own.search.drawn:
             return False
         behind_gears = [effect.where for effect in at.effects if deflects(effect)]
         motion = at.records[0].motion
@@ -447,11 +447,6 @@ def _step(at: Evaluation, k: int, parameter: Parameter, way: float) -> Change | 
         return Change(with_changes(at.effects, change)[k], way * width, parameter.name)
     except IMPOSSIBLE:
         return None
-
-
-def drawn(effect: Effect) -> bool:
-    """Whether an effect's numbers are drawn to what is usual before the logs speak."""
-    return effect.search.drawn
 
 
 def only_inertial(robot: Robot, effect: Effect) -> bool:

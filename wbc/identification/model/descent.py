@@ -95,9 +95,9 @@ class Linearised:
         room[:, drawn] = [[-np.inf], [np.inf]]  # any step of Q is a body, or is cut
         near, matrices, value = np.zeros(len(scales)), own.matrices, own.cost(own.matrices)
         before = value
-        trust = damping * np.diagonal(self._normal(near, matrices)[0])
+        known, along = self._normal(near, matrices)
+        trust = damping * np.diagonal(known)
         for _ in range(_ROUNDS):
-            known, along = self._normal(near, matrices)
             whole, _ = bounded(known + np.diag(trust), along + trust * near, room - near)
             for part in _SHORTER[0] ** np.arange(_SHORTER[1]):
                 there = near + part * whole
@@ -110,6 +110,7 @@ class Linearised:
             gain, value, near, matrices = value - new, new, there, moved
             if gain < _LAST * least or not drawn.size:
                 break
+            known, along = self._normal(near, matrices)
         near = share * near
         matrices = own.along((near * scales)[self.links])
         changes = near * scales

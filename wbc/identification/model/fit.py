@@ -275,15 +275,14 @@ def refine(
         ask()
         return derivatives(columns, at, slots, whitening, known)
 
-    def gained(at: Evaluation, effects: Sequence[Effect]) -> tuple[Evaluation, float]:
-        """Return what effects close by leave, and by how much the cost falls."""
+    def tried(at: Evaluation, effects: Sequence[Effect]) -> tuple[Evaluation, float]:
+        """Return what effects close by leave, and its cost."""
         ask()
         try:
             there = evaluate(robot, effects, records, whitening, at)
         except IMPOSSIBLE:
-            return at, -np.inf
-        before, after = (cost(own.effects, own.residual, samples) for own in (at, there))
-        return there, before - after
+            return at, np.inf
+        return there, cost(there.effects, there.residual, samples)
 
     ask()
     try:
@@ -298,9 +297,9 @@ def refine(
     for _ in range(iterations if slots else 0):
         usual = UsualRows.of(at.effects, slots, at.residual, samples)
         here = Linearised.of(at.effects, slots, at.residual, jacobian, usual)
-        matters = cost(at.effects, at.residual, samples)
-        matters *= _CONVERGED_ROUGH if loose(effects) else _CONVERGED
-        found = _descend(here, at, gained, damping, matters)
+        before = cost(at.effects, at.residual, samples)
+        matters = before * (_CONVERGED_ROUGH if loose(effects) else _CONVERGED)
+        found = _descend(here, at, before, tried, damping, matters)
         if found is None:
             if not known:
                 ended = True
@@ -341,7 +340,8 @@ def refine(
 def _descend(
     here: Linearised,
     at: Evaluation,
-    gained: Callable[[Evaluation, Sequence[Effect]], tuple[Evaluation, float]],
+    before: float,
+    tried: Callable[[Evaluation, Sequence[Effect]], tuple[Evaluation, float]],
     damping: float,
     matters: float,
 ) -> tuple[Evaluation, Descent, float, float] | None:
@@ -356,7 +356,8 @@ def _descend(
         step = here.step(damping, matters, cut)
         if cut == 1.0 and 0.0 <= step.promised < _NEXT_TO_NOTHING * matters:
             break
-        moved, gain = gained(at, step.effects) if step.promised > 0.0 else (at, -np.inf)
+        moved, after = tried(at, step.effects) if step.promised > 0.0 else (at, np.inf)
+        gain = before - after
         if some_deflect(at.effects):
             cut *= _CUT
         elif gain < _BENT * step.promised:

@@ -39,18 +39,14 @@ class Drawings:
     def of(cls, effects: Sequence[Effect]) -> Drawings:
         """Return the links of these effects, in order."""
         own = [[*effect.values.values()] for effect in effects if effect.search.drawn]
-        counts = [len(numbers) // _COUNT for numbers in own]
+        owners = [k for k, numbers in enumerate(own) for _ in numbers[::_COUNT]]
         numbers = np.array([number for numbers in own for number in numbers])
-        return cls(
-            numbers.reshape(-1, _COUNT),
-            np.repeat(np.arange(len(own)), np.array(counts, dtype=np.intp)),
-        )
+        return cls(numbers.reshape(-1, _COUNT), np.array(owners, dtype=np.intp))
 
     @cached_property
     def matrices(self) -> FloatArray:
         """(n, 4, 4) Q."""
-        upper = pseudo_inertia.factor(self.numbers)
-        return np.asarray(upper @ upper.swapaxes(1, 2))
+        return pseudo_inertia.matrix_of(self.numbers)
 
     @cached_property
     def tangents(self) -> FloatArray:
@@ -151,10 +147,10 @@ class UsualRows:
         jacobian = np.zeros((departures.size, count))
         for n, rows in enumerate(links_among(effects, slots)):
             jacobian[n * _COUNT : (n + 1) * _COUNT, rows] = slopes[n]
-        ranged = [(row, effects[k].values[p.name], p.usual) for row, (k, p) in enumerate(slots)]
         beyond, along = [], []
-        for row, value, usual in ranged:
-            if usual is not None:
+        for row, (k, parameter) in enumerate(slots):
+            if (usual := parameter.usual) is not None:
+                value = effects[k].values[parameter.name]
                 beyond.append(usual.departure(value))
                 along.append(usual.slope(value) * np.eye(1, count, row))
         residual = np.concatenate([(departures / size).ravel(), beyond])
